@@ -1,0 +1,394 @@
+//! From a model and recordings to a [`Diagnosis`]: locate the mismatch, name the physics that was left out, model it,
+//! show that the held-out error falls — or say that it cannot be told.
+//!
+//! Read in order: `experiment` (a recording in the model's terms), `kalman`, `prepare` (sizes, noise, starts), `fit`
+//! (the homotopy from prediction error to simulation error), `locate` (which port, which variable), `law`, `candidates`
+//! (every effect at every port), `score`, `judge` (ranking and acceptance), `report`, [`result`] (the noun).
+
+mod candidates;
+mod experiment;
+mod fit;
+mod judge;
+mod kalman;
+mod law;
+mod locate;
+mod prepare;
+mod report;
+pub mod result;
+mod score;
+mod unknown;
+
+use std::time::Instant;
+
+pub use experiment::Control;
+pub use result::{Diagnosis, Verdict};
+
+use crate::error::{Error, Result, nearest};
+use crate::model::{Model, System};
+use crate::signal::Recording;
+use crate::simulate::Hold;
+use candidates::{Bench, PortGuess, Trial};
+use experiment::Experiment;
+use fit::Ground;
+use locate::Located;
+use prepare::{Follower, Scene, Ties};
+use result::Location;
+
+/// Choices of a diagnosis.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Options {
+    /// Effects to try; the whole library where `None`.
+    pub candidates: Option<Vec<String>>,
+    /// How inputs run between samples.
+    pub hold: Hold,
+    /// Seed of the permutation test.
+    pub seed: u64,
+    /// Threads; one per core where zero. The result has the same bits whatever the number.
+    pub threads: usize,
+}
+
+/// Share of each train record that is held out where no test record is given.
+const HELD_OUT: f64 = 1.0 / 3.0;
+/// Deviation of a parameter from its stated value, in its stated uncertainty, that makes a verdict.
+const MOVED: f64 = 3.0;
+/// Bandwidths of the observers, relative to the speed of the motion. The weak tie of each is four times slower.
+const BANDWIDTHS: [f64; 3] = [2.0, 1.0, 0.5];
+
+/// Compares a model with recordings.
+///
+/// # Errors
+/// Input errors of recordings that do not fit the model, [`Error::NoConvergence`] when the nominal model cannot be
+/// simulated along them, [`Error::Interrupted`].
+pub fn diagnose(
+    model: &Model,
+    train: &[Recording],
+    test: &[Recording],
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Diagnosis> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
+    match pool {
+        Ok(pool) => pool.install(|| work(model, train, test, options, control)),
+        Err(_) => work(model, train, test, options, control),
+    }
+}
+
+fn work(
+    model: &Model,
+    train: &[Recording],
+    test: &[Recording],
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Diagnosis> {
+    let clock = Instant::now();
+    let mut warnings: Vec<String> = Vec::new();
+    for r in train.iter().chain(test) {
+        warnings.extend(r.warnings().iter().cloned());
+    }
+    let names = effect_names(model, options)?;
+    (control.progress)("reading the recordings", 0.0);
+    let (train, test) = split(model, train, test, options.hold, &mut warnings)?;
+
+    (control.progress)("following the recordings", 0.05);
+    let system = model.compile();
+    let stated = system.parameters().to_vec();
+    let scene = Follower::new(model, &stated, 1, control)?.scene(&train, &test);
+    let (train_start, test_start) = scene.start.split_at(train.len());
+    let ground = |experiments| Ground {
+        experiments,
+        sigma: &scene.sigma,
+        substeps: 1,
+        state_scale: &scene.state_scale,
+        control,
+    };
+    let (substeps, engine_error) = prepare::substeps(&system, &stated, ground(&train), train_start)?;
+    let ties_of = |e: &[Experiment], start: &[Vec<f64>], scene: &Scene, f: f64| -> Result<Ties> {
+        let follower = Follower::new(model, &stated, substeps, control)?;
+        Ok([f, 0.25 * f].into_iter().filter_map(|f| follower.ties(e, scene, start, f * scene.speed)).collect())
+    };
+    let mut train_ties = Vec::new();
+    for f in BANDWIDTHS {
+        control.check()?;
+        train_ties.push(ties_of(&train, train_start, &scene, f)?);
+    }
+    let test_ties = ties_of(&test, test_start, &scene, 1.0)?;
+
+    (control.progress)("refitting the nominal parameters", 0.1);
+    let fit_with = |sigma: &[f64]| -> Result<Trial> {
+        let base = Ground { experiments: &train, sigma, substeps, state_scale: &scene.state_scale, control };
+        let bench = Bench {
+            model,
+            train: base,
+            test: Ground { experiments: &test, ..base },
+            train_start,
+            test_start,
+            train_ties: &train_ties,
+            test_ties: &test_ties,
+        };
+        candidates::nominal(&bench)
+    };
+    let mut sigma = scene.sigma.clone();
+    let mut nominal = fit_with(&sigma)?;
+    // The white part of what the refitted model leaves is a second, sharper view of the noise.
+    let residual: Vec<Vec<f64>> = nominal
+        .residuals
+        .train
+        .iter()
+        .map(|r| r.iter().enumerate().map(|(i, v)| v * sigma[i % sigma.len()]).collect())
+        .collect();
+    let sharper: Vec<f64> = prepare::floors(&train, Some(&residual))
+        .iter()
+        .zip(&sigma)
+        .zip(&engine_error)
+        .map(|((a, b), e)| a.min(*b).hypot(*e))
+        .collect();
+    if sharper.iter().zip(&sigma).any(|(a, b)| *a < 0.8 * b || *a > 1.25 * b) {
+        sigma = sharper;
+        nominal = fit_with(&sigma)?;
+    }
+    let scene = Scene { sigma: sigma.clone(), ..scene.clone() };
+    let base = Ground { experiments: &train, sigma: &sigma, substeps, state_scale: &scene.state_scale, control };
+    let bench = Bench {
+        model,
+        train: base,
+        test: Ground { experiments: &test, ..base },
+        train_start,
+        test_start,
+        train_ties: &train_ties,
+        test_ties: &test_ties,
+    };
+
+    (control.progress)("locating the mismatch", 0.15);
+    let mut guesses = Vec::new();
+    let mut located: Option<Located> = None;
+    let refitted = nominal.parameters();
+    for port in model.ports() {
+        control.check()?;
+        let Some((_, _, forces)) = locate::at_port(model, &stated, port, &train, &scene, substeps, control)? else {
+            warnings.push(format!("port `{port}`: no force there can be estimated from these recordings"));
+            continue;
+        };
+        let scales = law::port_scales(&forces, &scene);
+        guesses.push(PortGuess { port: port.to_string(), stated: forces, scales });
+        let Some((_, gain, forces)) = locate::at_port(model, &refitted, port, &train, &scene, substeps, control)?
+        else {
+            continue;
+        };
+        if located.as_ref().is_none_or(|l| gain > l.gain) {
+            let (variable, explained, p_value) = locate::depends_on(&forces, options.seed);
+            let location = Location {
+                kind: "port".into(),
+                at: port.to_string(),
+                mode: None,
+                variable: variable.into(),
+                phases: Vec::new(),
+                p_value,
+                margin: gain,
+            };
+            located = Some(Located { location, gain, explained, forces });
+        }
+    }
+    if let Some(l) = &mut located {
+        report::label(l, model)?;
+    }
+
+    let trials = candidates::all(&bench, &names, &guesses, &nominal)?;
+    (control.progress)("weighing the evidence", 0.85);
+    let ranking = judge::rank(&nominal, &trials);
+    let halves = halves(&train, train_start, &scene, &ties_of)?;
+    let winner = ranking.winner(&trials);
+    let evidence = match winner {
+        Some(w) => Some(judge::weigh(&bench, &nominal, &trials[w], &halves, names.len() * guesses.len())?),
+        None => None,
+    };
+    let accepted = winner.filter(|_| evidence.is_some_and(|e| e.accepted()));
+    conclude(Case {
+        model,
+        bench: &bench,
+        scene: &scene,
+        nominal: &nominal,
+        trials: &trials,
+        ranking: &ranking,
+        accepted,
+        evidence,
+        located,
+        warnings,
+        clock,
+    })
+}
+
+/// Everything the conclusion draws on.
+struct Case<'a> {
+    model: &'a Model,
+    bench: &'a Bench<'a>,
+    scene: &'a Scene,
+    nominal: &'a Trial,
+    trials: &'a [Trial],
+    ranking: &'a judge::Ranking,
+    accepted: Option<usize>,
+    evidence: Option<judge::Evidence>,
+    located: Option<Located>,
+    warnings: Vec<String>,
+    clock: Instant,
+}
+
+fn conclude(case: Case<'_>) -> Result<Diagnosis> {
+    let Case { model, bench, nominal, trials, ranking, accepted, evidence, mut warnings, .. } = case;
+    let after = accepted.map_or(nominal, |i| &trials[i]);
+    let near = accepted.map_or(Vec::new(), |w| ranking.ambiguous(trials, w));
+    let parameters = report::parameters(nominal, after);
+    let away = |p: &result::ParameterReport| (p.after - p.nominal).abs() / p.nominal_sd.hypot(p.sd);
+    let moved: Vec<(String, f64)> =
+        parameters.iter().map(|(n, p)| (n.clone(), away(p))).filter(|(_, s)| *s > MOVED).collect();
+    let unknown = match (&case.located, accepted) {
+        (Some(l), None) => unknown::law(l, nominal),
+        _ => None,
+    };
+    let verdict = match accepted {
+        Some(_) if !near.is_empty() => Verdict::Ambiguous,
+        Some(_) => Verdict::Effect,
+        None if unknown.is_some() => Verdict::Unknown,
+        None if !moved.is_empty() => Verdict::Parameter,
+        None => Verdict::Consistent,
+    };
+
+    let stated_theta: Vec<f64> = nominal.priors.iter().map(|p| p.mean).collect();
+    let subject = fit::Subject { system: &nominal.system, priors: &nominal.priors, moves: false };
+    let stated_train =
+        candidates::starts(&subject, bench.train, &stated_theta, bench.train_start, &bench.train_ties[1]);
+    let stated_test = candidates::predict(bench, &nominal.system, &nominal.priors, &stated_theta);
+    let point = |t: &'_ Trial| t.parameters();
+    let mut points = vec![
+        report::Point {
+            system: &nominal.system,
+            p: candidates::full(&nominal.system, &stated_theta),
+            train: &stated_train,
+            test: &stated_test,
+        },
+        report::Point {
+            system: &nominal.system,
+            p: point(nominal),
+            train: &nominal.fit.point.x0,
+            test: &nominal.test_x0,
+        },
+    ];
+    if let Some(w) = accepted {
+        let t = &trials[w];
+        points.push(report::Point { system: &t.system, p: point(t), train: &t.fit.point.x0, test: &t.test_x0 });
+    }
+    let (records, fit) = report::fits(model, bench.train, bench.test, &points);
+    doubts(&case.scene.sigma, after, trials, &fit, &mut warnings);
+
+    let forces = case.located.as_ref().map_or(Vec::new(), |l| l.forces.clone());
+    let law = match accepted {
+        Some(w) => report::law(&trials[w], &forces)?,
+        None => unknown.clone(),
+    };
+    let share = evidence.map_or(0.0, |e| e.share);
+    let silent = matches!(verdict, Verdict::Consistent | Verdict::Parameter);
+    let mut diagnosis = Diagnosis {
+        model_name: model.name().to_string(),
+        verdict,
+        sentence: String::new(),
+        location: case.located.map(|l| l.location).filter(|_| !silent),
+        effects: accepted.and_then(|w| report::effect(&trials[w], share)).into_iter().collect(),
+        ambiguous_with: near.iter().map(|&i| trials[i].label()).collect(),
+        candidates: report::candidates(ranking, accepted, nominal, trials),
+        parameters,
+        fit,
+        model: report::augmented(after)?.to_toml()?,
+        law: unknown,
+        warnings,
+        seconds: 0.0,
+        traces: result::Traces { records, force: forces, law },
+    };
+    diagnosis.sentence = report::sentence(&diagnosis, &moved);
+    diagnosis.seconds = case.clock.elapsed().as_secs_f64();
+    (bench.train.control.progress)("done", 1.0);
+    Ok(diagnosis)
+}
+
+/// Doubts that a reader must know of.
+fn doubts(sigma: &[f64], after: &Trial, trials: &[Trial], fit: &result::FitReport, warnings: &mut Vec<String>) {
+    for row in &fit.train {
+        let left = row.after.unwrap_or(0.0) / row.floor.max(f64::MIN_POSITIVE);
+        if left > 1.5 {
+            warnings.push(format!(
+                "{} of `{}`: the remaining error is {} times the noise floor; something smaller is still unexplained, and \
+                 intervals are widened accordingly",
+                row.output,
+                row.record,
+                report::number(left)
+            ));
+        }
+    }
+    let free = after.system.free();
+    for ((&i, v), prior) in free.iter().zip(&after.fit.point.theta).zip(&after.priors) {
+        if *v <= prior.bounds.0 || *v >= prior.bounds.1 {
+            let name = &after.model.parameters()[i].name;
+            warnings.push(format!("parameter `{name}` ended on its bound {}: widen it or doubt the model", report::number(*v)));
+        }
+    }
+    let lost: Vec<String> = trials.iter().filter(|t| !t.fit.converged).map(Trial::label).collect();
+    if !lost.is_empty() {
+        warnings.push(format!("not converged, so that its rank may be too low: {}", lost.join(", ")));
+    }
+    debug_assert!(sigma.iter().all(|s| *s > 0.0));
+}
+
+fn effect_names(model: &Model, options: &Options) -> Result<Vec<String>> {
+    let all = prepare::candidates(model.library());
+    let Some(chosen) = &options.candidates else { return Ok(all) };
+    for name in chosen {
+        if !all.contains(name) {
+            return Err(Error::UnknownName {
+                kind: "effect".into(),
+                name: name.clone(),
+                nearest: nearest(name, &all),
+                context: "candidates".into(),
+            });
+        }
+    }
+    Ok(chosen.clone())
+}
+
+/// Recordings in the model's terms; without test records the end of every train record is held out.
+fn split(
+    model: &Model,
+    train: &[Recording],
+    test: &[Recording],
+    hold: Hold,
+    warnings: &mut Vec<String>,
+) -> Result<(Vec<Experiment>, Vec<Experiment>)> {
+    if train.is_empty() {
+        return Err(Error::TooShort { what: "train recordings".into(), needed: 1, found: 0 });
+    }
+    let read = |r: &Recording| Experiment::new(model, r, hold);
+    let all: Vec<Experiment> = train.iter().map(read).collect::<Result<_>>()?;
+    if !test.is_empty() {
+        return Ok((all, test.iter().map(read).collect::<Result<_>>()?));
+    }
+    let mut parts = (Vec::new(), Vec::new());
+    for e in all {
+        let cut = ((1.0 - HELD_OUT) * e.len() as f64) as usize;
+        let mut held = e.part(cut, e.len());
+        held.name = format!("{} (held out)", e.name);
+        parts.0.push(e.part(0, cut));
+        parts.1.push(held);
+    }
+    warnings.push("no test recording was given: the last third of every recording is held out instead".into());
+    Ok(parts)
+}
+
+/// Halves of the train records for two-fold prediction.
+fn halves(
+    train: &[Experiment],
+    start: &[Vec<f64>],
+    scene: &Scene,
+    ties_of: &dyn Fn(&[Experiment], &[Vec<f64>], &Scene, f64) -> Result<Ties>,
+) -> Result<judge::Halves> {
+    let first: Vec<Experiment> = train.iter().map(|e| e.part(0, e.len() / 2)).collect();
+    let second: Vec<Experiment> = train.iter().map(|e| e.part(e.len() / 2, e.len())).collect();
+    let ties = [ties_of(&first, start, scene, 1.0)?, ties_of(&second, &scene.middle, scene, 1.0)?];
+    Ok(judge::Halves { parts: [first, second], start: [start.to_vec(), scene.middle.clone()], ties })
+}

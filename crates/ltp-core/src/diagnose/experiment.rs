@@ -1,0 +1,226 @@
+//! A recording bound to a model: inputs and outputs in the model's order, and its free run with derivatives.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::error::{Error, Result, nearest};
+use crate::model::{Model, System};
+use crate::signal::Recording;
+use crate::simulate::engine::{Engine, Settings};
+use crate::simulate::{Hold, Inputs, Stop};
+
+/// Asks long work to stop, and tells how far it is.
+pub struct Control<'a> {
+    /// Set from another thread to end the work.
+    pub cancelled: &'a AtomicBool,
+    /// Called with the stage and the fraction done.
+    pub progress: &'a (dyn Fn(&str, f64) + Sync),
+}
+
+impl Control<'_> {
+    /// [`Error::Interrupted`] once cancelled.
+    ///
+    /// # Errors
+    /// When cancelled.
+    pub fn check(&self) -> Result<()> {
+        if self.cancelled.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
+    }
+}
+
+/// A recording in the model's terms.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    /// Name of the recording.
+    pub name: String,
+    /// Time of the first sample, s.
+    pub t0: f64,
+    /// Distance of samples, s.
+    pub dt: f64,
+    /// Outputs (n, ny), row-major; NaN where nothing was measured.
+    pub y: Vec<f64>,
+    /// Inputs.
+    pub inputs: Inputs,
+    ny: usize,
+}
+
+impl Experiment {
+    /// Finds the model's inputs and outputs in a recording by name.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] for an input that the recording lacks and that has no default, or when it has none of the
+    /// outputs.
+    pub fn new(model: &Model, recording: &Recording, hold: Hold) -> Result<Self> {
+        let n = recording.len();
+        let missing = |kind: &str, name: &str, names: &[String]| Error::UnknownName {
+            kind: kind.into(),
+            name: name.into(),
+            nearest: nearest(name, names),
+            context: format!("recording `{}`", recording.name()),
+        };
+        let mut columns = Vec::new();
+        for (name, input) in &model.document().inputs {
+            match recording.input_names().iter().position(|r| r == name) {
+                Some(i) => columns.push(recording.input(i).collect()),
+                None => match input.value {
+                    Some(v) => columns.push(vec![v; n]),
+                    None => return Err(missing("input", name, recording.input_names())),
+                },
+            }
+        }
+        let outputs = model.outputs();
+        let place: Vec<Option<usize>> =
+            outputs.iter().map(|o| recording.output_names().iter().position(|r| r == o)).collect();
+        if place.iter().all(Option::is_none) {
+            return Err(missing("output", outputs[0], recording.output_names()));
+        }
+        let ny = outputs.len();
+        let width = recording.output_names().len();
+        let mut y = vec![f64::NAN; n * ny];
+        for (j, p) in place.iter().enumerate() {
+            for (k, row) in recording.outputs().chunks(width).enumerate() {
+                if let Some(p) = p {
+                    y[k * ny + j] = row[*p];
+                }
+            }
+        }
+        let t0 = recording.t()[0];
+        let inputs = Inputs::samples(t0, recording.dt(), &columns, hold)?;
+        Ok(Self { name: recording.name().to_string(), t0, dt: recording.dt(), y, inputs, ny })
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.y.len() / self.ny
+    }
+
+    /// Whether there are no samples.
+    pub fn is_empty(&self) -> bool {
+        self.y.is_empty()
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.ny
+    }
+
+    /// One output.
+    pub fn output(&self, j: usize) -> impl Iterator<Item = f64> + '_ {
+        self.y.iter().skip(j).step_by(self.ny).copied()
+    }
+
+    /// Samples `from..to` as an experiment of their own.
+    #[must_use]
+    pub fn part(&self, from: usize, to: usize) -> Self {
+        Self {
+            t0: self.t0 + from as f64 * self.dt,
+            y: self.y[from * self.ny..to * self.ny].to_vec(),
+            ..self.clone()
+        }
+    }
+}
+
+/// Corrections that tie a run to its recording: after each sample `x += scale * K e` with `K` (n, nx, ny).
+#[derive(Clone, Copy)]
+pub struct Observer<'a> {
+    /// Gains of every sample, row-major.
+    pub gains: &'a [f64],
+}
+
+/// A run of a system along an experiment.
+#[derive(Clone, Copy)]
+pub struct Run<'a> {
+    /// What runs.
+    pub system: &'a dyn System,
+    /// All parameters.
+    pub p: &'a [f64],
+    /// Initial state.
+    pub x0: &'a [f64],
+    /// What was recorded.
+    pub experiment: &'a Experiment,
+    /// Steps per sample.
+    pub substeps: u64,
+    /// Observer; free run where `None`.
+    pub observer: Option<Observer<'a>>,
+    /// To stop early.
+    pub control: &'a Control<'a>,
+}
+
+impl Run<'_> {
+    /// Runs along the samples and calls `each(sample, outputs, derivatives)`; the derivatives `(ny, nx + nf)` by initial
+    /// state and free parameter are empty where not asked for.
+    ///
+    /// # Errors
+    /// The reason why the run ended early.
+    pub fn go(&self, derivatives: bool, each: &mut dyn FnMut(usize, &[f64], &[f64])) -> std::result::Result<(), Stop> {
+        let Run { system, p, x0, experiment: e, substeps, observer, control } = *self;
+        let (nx, nf, ny) = (system.states(), system.free().len(), e.ny);
+        let ns = nx + nf;
+        let step = e.dt / substeps as f64;
+        let settings = Settings { t0: e.t0, step, max_steps: 100 * (e.len() as u64 + 10) * substeps, derivatives };
+        let mut engine = Engine::new(system, p, &e.inputs, x0, system.initial_mode(), settings)?;
+        let mut jacobian = vec![0.0; ny + ny * nx + ny * nf];
+        let mut y = vec![0.0; ny];
+        let mut dy = vec![0.0; if derivatives { ny * ns } else { 0 }];
+        let (mut x, mut s) = (vec![0.0; nx], vec![0.0; if derivatives { nx * ns } else { 0 }]);
+        for k in 0..e.len() {
+            if k % 256 == 0 && control.cancelled.load(Ordering::Relaxed) {
+                return Err(Stop::StepLimit { time: engine.time(), mode: "interrupted".into(), limit: k as u64 });
+            }
+            engine.advance(k as u64 * substeps)?;
+            if derivatives {
+                engine.output_jacobian(&mut jacobian);
+                y.copy_from_slice(&jacobian[..ny]);
+                chain(&jacobian[ny..], engine.sensitivities(), (ny, nx, nf), &mut dy);
+            } else {
+                engine.output(&mut y);
+            }
+            each(k, &y, &dy);
+            let Some(o) = observer else { continue };
+            let gain = &o.gains[k * nx * ny..(k + 1) * nx * ny];
+            x.copy_from_slice(engine.state());
+            s.copy_from_slice(engine.sensitivities());
+            for j in 0..ny {
+                let error = e.y[k * ny + j] - y[j];
+                if !error.is_finite() {
+                    continue;
+                }
+                for i in 0..nx {
+                    let g = gain[i * ny + j];
+                    x[i] += g * error;
+                    if derivatives {
+                        for c in 0..ns {
+                            s[i * ns + c] -= g * dy[j * ns + c];
+                        }
+                    }
+                }
+            }
+            engine.correct(&x, &s);
+        }
+        Ok(())
+    }
+
+    /// Outputs (n, ny) of the run; `None` where it ended early or left the finite numbers.
+    pub fn outputs(&self) -> Option<Vec<f64>> {
+        let mut out = Vec::with_capacity(self.experiment.y.len());
+        self.go(false, &mut |_, y, _| out.extend_from_slice(y)).ok()?;
+        out.iter().all(|v| v.is_finite()).then_some(out)
+    }
+}
+
+/// `C S + [0 | Y_p]`: output derivatives by initial state and free parameter.
+fn chain(jacobian: &[f64], s: &[f64], (ny, nx, nf): (usize, usize, usize), dy: &mut [f64]) {
+    let ns = nx + nf;
+    let (c, yp) = jacobian.split_at(ny * nx);
+    for j in 0..ny {
+        let row = &mut dy[j * ns..(j + 1) * ns];
+        row[..nx].fill(0.0);
+        row[nx..].copy_from_slice(&yp[j * nf..(j + 1) * nf]);
+        for i in 0..nx {
+            let w = c[j * nx + i];
+            if w != 0.0 {
+                for (r, v) in row.iter_mut().zip(&s[i * ns..(i + 1) * ns]) {
+                    *r += w * v;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! From fitted candidates to a verdict: ranking, nested families, acceptance, and what cannot be told apart.
+
+use super::candidates::{Bench, Trial, full, starts};
+use super::fit::{FINE, Ground, Point, Subject, stage};
+use super::prepare::Ties;
+use super::score::Residuals;
+use crate::error::Result;
+use crate::model::System;
+
+/// Deviance within which two candidates count as the same answer.
+pub const APART: f64 = 10.0;
+/// Share of the structural error that a named effect must remove where it was not fitted.
+const MATERIAL: f64 = 0.25;
+/// Smallest excess of a richer law over the simpler one, in units of the simpler one.
+const EXCESS: f64 = 0.25;
+
+/// The ranking: index into the trials and score, best first. The nominal model stands among them.
+pub struct Ranking {
+    /// Index of the trial (`None` for nothing) and its score.
+    pub order: Vec<(Option<usize>, f64)>,
+}
+
+/// BIC on the train records plus deviance on the held-out ones, of residuals whitened by one common filter.
+pub fn rank(nominal: &Trial, trials: &[Trial]) -> Ranking {
+    let white = |t: &Trial| t.residuals.deviance(&t.residuals.train) + t.residuals.deviance(&t.residuals.test);
+    let runs: Vec<(Option<usize>, &Trial)> = std::iter::once((None, nominal))
+        .chain(trials.iter().enumerate().map(|(i, t)| (Some(i), t)))
+        .filter(|(_, t)| t.residuals.complete() && !t.imitated)
+        .collect();
+    let reference = runs.iter().min_by(|a, b| white(a.1).total_cmp(&white(b.1))).map_or(nominal, |r| r.1);
+    let filters = reference.residuals.filters();
+    let mut order: Vec<(Option<usize>, f64)> = runs
+        .iter()
+        .map(|(i, t)| {
+            let r = &t.residuals;
+            let unknowns = t.fit.point.theta.len() + t.fit.point.x0.iter().map(Vec::len).sum::<usize>();
+            let samples: f64 = (0..filters.len()).map(|j| r.energy(&r.train, j).1).sum();
+            let deviance = r.whitened_deviance(&r.train, &filters) + r.whitened_deviance(&r.test, &filters);
+            (*i, deviance + unknowns as f64 * samples.max(2.0).ln())
+        })
+        .collect();
+    order.sort_by(|a, b| a.1.total_cmp(&b.1));
+    Ranking { order }
+}
+
+impl Ranking {
+    /// The best effect, after nested families: a richer law must win by [`APART`] and be materially richer.
+    pub fn winner(&self, trials: &[Trial]) -> Option<usize> {
+        let mut best = self.order.iter().find_map(|(i, _)| *i)?;
+        while let Some(simple) = self.simpler(trials, best) {
+            best = simple;
+        }
+        Some(best)
+    }
+
+    fn score(&self, trial: usize) -> f64 {
+        self.order.iter().find(|(i, _)| *i == Some(trial)).map_or(f64::INFINITY, |(_, s)| *s)
+    }
+
+    /// The simpler member that should be named instead of a richer one, if it should.
+    fn simpler(&self, trials: &[Trial], rich: usize) -> Option<usize> {
+        let (name, port) = trials[rich].effect.as_ref()?;
+        let effect = trials[rich].model.library().get(name).ok()?;
+        let base = effect.extends.as_ref()?;
+        let simple =
+            trials.iter().position(|t| t.effect.as_ref().is_some_and(|(e, p)| e == base && p == port))?;
+        if !self.score(simple).is_finite() {
+            return None;
+        }
+        let wins = self.score(simple) - self.score(rich) > APART;
+        let p = trials[rich].effect_parameters();
+        // `a - b` of two parameters against `b`.
+        let material = effect.excess.as_deref().and_then(|e| e.split_once('-')).is_none_or(|(a, b)| {
+            let value = |n: &str| p.get(n.trim()).copied().unwrap_or(0.0);
+            value(a) - value(b) >= EXCESS * value(b).abs()
+        });
+        (!(wins && material)).then_some(simple)
+    }
+
+    /// What the recordings cannot tell from the winner; members of its own family are not another answer.
+    pub fn ambiguous(&self, trials: &[Trial], winner: usize) -> Vec<usize> {
+        let family = |i: usize| -> Option<(String, &String)> {
+            let (name, port) = trials[i].effect.as_ref()?;
+            let effect = trials[i].model.library().get(name).ok()?;
+            Some((effect.extends.clone().unwrap_or_else(|| name.clone()), port))
+        };
+        let best = self.score(winner);
+        let near = self.order.iter().filter_map(|(i, s)| i.filter(|_| *s - best < APART));
+        near.filter(|&i| i != winner && family(i) != family(winner)).collect()
+    }
+
+    /// Distance of each entry to the winner.
+    pub fn relative(&self, winner: Option<usize>) -> Vec<(Option<usize>, f64)> {
+        let best = winner.map_or(self.order.first().map_or(0.0, |o| o.1), |w| self.score(w));
+        self.order.iter().map(|(i, s)| (*i, s - best)).collect()
+    }
+}
+
+/// Why an effect is accepted or not: every test with its number.
+#[derive(Clone, Copy, Debug)]
+pub struct Evidence {
+    /// Gain in white deviance plus penalty on the train records.
+    pub gain: f64,
+    /// Change of white deviance on the held-out records; negative is better.
+    pub held_out: f64,
+    /// Gain in deviance of residuals whitened by the candidate's own filter, train and held-out.
+    pub whitened: f64,
+    /// Share of the structural error removed on the half of the train records that was not fitted.
+    pub crossed: f64,
+    /// Share of the structural error of the train records removed.
+    pub share: f64,
+    /// What a gain must exceed.
+    pub threshold: f64,
+}
+
+impl Evidence {
+    /// Whether the effect is real, predicts, and matters.
+    pub fn accepted(&self) -> bool {
+        self.gain > self.threshold
+            && self.held_out < 0.0
+            && self.whitened > self.threshold
+            && self.crossed >= MATERIAL
+            && self.share >= MATERIAL
+    }
+}
+
+/// Weighs a candidate against the nominal model.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+pub fn weigh(bench: &Bench<'_>, nominal: &Trial, trial: &Trial, ties: &Halves, library: usize) -> Result<Evidence> {
+    let (a, b) = (&nominal.residuals, &trial.residuals);
+    let samples: f64 = (0..bench.train.sigma.len()).map(|j| a.energy(&a.train, j).1).sum();
+    let added = (trial.fit.point.theta.len() - nominal.fit.point.theta.len()) as f64;
+    let filters = b.filters();
+    let whitened = |r: &Residuals| r.whitened_deviance(&r.train, &filters) + r.whitened_deviance(&r.test, &filters);
+    Ok(Evidence {
+        gain: a.deviance(&a.train) - b.deviance(&b.train) - added * samples.max(2.0).ln(),
+        held_out: b.deviance(&b.test) - a.deviance(&a.test),
+        whitened: whitened(a) - whitened(b),
+        crossed: crossed(bench, nominal, trial, ties)?,
+        share: removed(&[(a, &a.train)], &[(b, &b.train)]),
+        threshold: 12.0 + 2.0 * (library.max(1) as f64).ln(),
+    })
+}
+
+/// Share of structural error removed between two sets of residuals.
+pub fn removed(before: &[(&Residuals, &[Vec<f64>])], after: &[(&Residuals, &[Vec<f64>])]) -> f64 {
+    let total = |set: &[(&Residuals, &[Vec<f64>])]| set.iter().map(|(r, records)| r.structural(records)).sum::<f64>();
+    let (e0, e1) = (total(before), total(after));
+    if e0 > 0.0 { ((e0 - e1) / e0).clamp(-9.0, 1.0) } else { 0.0 }
+}
+
+/// Halves of the train records with observers for the second start.
+pub struct Halves {
+    /// First and second halves of all train records.
+    pub parts: [Vec<super::experiment::Experiment>; 2],
+    /// Starting states of each half.
+    pub start: [Vec<Vec<f64>>; 2],
+    /// Observers of each half.
+    pub ties: [Ties; 2],
+}
+
+/// Two-fold prediction inside the train records: fit one half, predict the other, and compare with the nominal model. An
+/// effect that is an accident of one record moves when the record is cut; physics does not.
+fn crossed(bench: &Bench<'_>, nominal: &Trial, trial: &Trial, halves: &Halves) -> Result<f64> {
+    let mut energy = [0.0; 2];
+    for (which, t) in [nominal, trial].into_iter().enumerate() {
+        for fold in 0..2 {
+            bench.train.control.check()?;
+            let other = 1 - fold;
+            let fitted = Ground { experiments: &halves.parts[fold], ..bench.train };
+            let predicted = Ground { experiments: &halves.parts[other], ..bench.train };
+            let subject = Subject { system: &t.system, priors: &t.priors, moves: true };
+            let still = Subject { moves: false, ..subject };
+            let x0 = starts(&still, fitted, &t.fit.point.theta, &halves.start[fold], &halves.ties[fold]);
+            let from = Point { theta: t.fit.point.theta.clone(), x0 };
+            let theta = stage(&subject, fitted, &from, &halves.start[fold], None, FINE)
+                .map_or(t.fit.point.theta.clone(), |f| f.point.theta);
+            let x0 = starts(&still, predicted, &theta, &halves.start[other], &halves.ties[other]);
+            let p = full(&t.system, &theta);
+            let r = Residuals::of(&t.system, &p, (predicted, &x0), (Ground { experiments: &[], ..predicted }, &[]));
+            debug_assert_eq!(t.system.states(), x0.first().map_or(0, Vec::len));
+            energy[which] += if r.complete() { r.structural(&r.train) } else { f64::INFINITY };
+        }
+    }
+    Ok(if energy[0] > 0.0 && energy[1].is_finite() { (energy[0] - energy[1]) / energy[0] } else { 0.0 })
+}

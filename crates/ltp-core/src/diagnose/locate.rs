@@ -1,0 +1,182 @@
+//! Where the mismatch acts, and on what it depends.
+//!
+//! A force that nobody knows (a random walk) is put at one port at a time; an extended Kalman filter with the exact
+//! transitions of the hybrid engine gives the likelihood of that single-port hypothesis, a smoother the force itself. The
+//! force is then regressed on what it may depend on, judged on left-out blocks beyond what nominal parameters explain.
+
+use super::experiment::{Control, Experiment};
+use super::kalman::{Filter, Noise};
+use super::prepare::{Scene, with_unknown_forces};
+use super::result::{Force, Location};
+use crate::error::Result;
+use crate::model::{Backend, Model, Point, System};
+use crate::numeric::spline::BSplines;
+use crate::numeric::{regression, stats};
+
+/// Shifts of the permutation test; the smallest p-value is one over this plus one.
+const SHIFTS: usize = 199;
+/// Samples kept for the regression.
+const KEPT: usize = 2000;
+
+/// A located mismatch.
+pub struct Located {
+    /// Public description.
+    pub location: Location,
+    /// Gain in log-likelihood over no force at all.
+    pub gain: f64,
+    /// Share of the force's variance that the variable explains on left-out blocks.
+    pub explained: f64,
+    /// The force along each train experiment.
+    pub forces: Vec<Force>,
+}
+
+/// The force at a port that explains the recordings best, and its likelihood.
+pub fn at_port(
+    model: &Model,
+    p: &[f64],
+    port: &str,
+    train: &[Experiment],
+    scene: &Scene,
+    substeps: u64,
+    control: &Control<'_>,
+) -> Result<Option<(f64, f64, Vec<Force>)>> {
+    let probe = with_unknown_forces(model, &[port])?;
+    let system = probe.compile_for(Vec::new(), Backend::Native);
+    let nx = system.states();
+    let reach = reach(&system, p, train, scene);
+    let run = |intensity: f64, smooth: bool| -> Result<Option<(f64, Vec<Force>)>> {
+        let mut noise = vec![0.0; nx];
+        noise[nx - 1] = intensity * intensity;
+        let (mut total, mut forces) = (0.0, Vec::new());
+        for (r, e) in train.iter().enumerate() {
+            control.check()?;
+            let mut x0 = scene.start[r].clone();
+            let mut sd: Vec<f64> = scene.state_scale.iter().map(|s| 0.3 * s).collect();
+            x0.push(0.0);
+            sd.push(if intensity > 0.0 { reach } else { 0.0 });
+            let filter = Filter {
+                system: &system,
+                p,
+                experiment: e,
+                substeps,
+                sigma: &scene.sigma,
+                start: (&x0, &sd),
+                noise: Noise::Diagonal(&noise),
+                control,
+            };
+            let Ok(f) = filter.forward() else { return Ok(None) };
+            total += f.log_likelihood;
+            if smooth {
+                forces.push(force(&probe, &system, p, port, e, &f.smooth())?);
+            }
+        }
+        Ok(Some((total, forces)))
+    };
+    let Some((without, _)) = run(0.0, false)? else { return Ok(None) };
+    // One parabola-free search over decades is enough: the likelihood is flat around its top.
+    let seconds: f64 = train.iter().map(|e| e.len() as f64 * e.dt).fold(0.0, f64::max);
+    let mut best: Option<(f64, f64)> = None;
+    for decade in [-3.0, -2.25, -1.5, -0.75, 0.0, 0.75] {
+        let intensity = reach * 10f64.powf(decade) / (0.05 * seconds).sqrt();
+        if let Some((l, _)) = run(intensity, false)? {
+            if best.is_none_or(|(b, _)| l > b) {
+                best = Some((l, intensity));
+            }
+        }
+    }
+    let Some((likelihood, intensity)) = best else { return Ok(None) };
+    Ok(run(intensity, true)?.map(|(_, forces)| (likelihood, likelihood - without, forces)))
+}
+
+/// Size of a force at the last state's port that would matter: what moves a state by its size at the motion's speed.
+fn reach(system: &dyn System, p: &[f64], train: &[Experiment], scene: &Scene) -> f64 {
+    let nx = system.states();
+    let mut x = scene.start[0].clone();
+    x.push(0.0);
+    let mut u = vec![0.0; system.inputs()];
+    train[0].inputs.eval(0, train[0].t0, &mut u);
+    let mut flow = vec![0.0; nx + nx * nx];
+    let at = Point { t: train[0].t0, x: &x, u: &u, p };
+    let mode = system.settle(system.initial_mode(), at);
+    system.flow_jacobian(mode, at, &mut flow);
+    let of = |i: usize| {
+        let b = flow[nx + i * nx + nx - 1].abs();
+        if b > 0.0 { scene.state_scale[i] * scene.speed / b } else { f64::INFINITY }
+    };
+    let r = (0..nx - 1).map(of).fold(f64::INFINITY, f64::min);
+    if r.is_finite() { r } else { 1.0 }
+}
+
+/// The smoothed force with position and velocity of its port.
+fn force(
+    probe: &Model,
+    system: &dyn System,
+    p: &[f64],
+    port: &str,
+    e: &Experiment,
+    s: &super::kalman::Smoothed,
+) -> Result<Force> {
+    let nx = system.states();
+    let motion = probe.port_motion(port)?;
+    let mut u = vec![0.0; system.inputs()];
+    let mut out = Force { record: e.name.clone(), at: port.to_string(), ..Force::default() };
+    let mut pv = [0.0; 2];
+    for k in 0..e.len() {
+        let t = e.t0 + k as f64 * e.dt;
+        e.inputs.eval(e.inputs.interval(t + 1e-6 * e.dt), t, &mut u);
+        motion.eval(Point { t, x: &s.x[k * nx..(k + 1) * nx], u: &u, p }, &mut pv);
+        out.t.push(t);
+        out.position.push(pv[0]);
+        out.velocity.push(pv[1]);
+        out.force.push(s.x[(k + 1) * nx - 1]);
+        out.sd.push(s.sd[(k + 1) * nx - 1]);
+    }
+    Ok(out)
+}
+
+/// On what a force depends: the variable that explains most on left-out blocks, its share and its p-value.
+pub fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
+    let total: usize = forces.iter().map(|f| f.t.len()).sum();
+    let every = total.div_ceil(KEPT).max(1);
+    let pick = |of: &dyn Fn(&Force) -> &Vec<f64>| -> Vec<f64> {
+        forces.iter().flat_map(|f| of(f).iter().step_by(every).copied().collect::<Vec<_>>()).collect()
+    };
+    let w = pick(&|f| &f.force);
+    let (q, v, t) = (pick(&|f| &f.position), pick(&|f| &f.velocity), pick(&|f| &f.t));
+    let scaled = |x: &[f64]| -> Vec<f64> {
+        let s = stats::rms(x.iter().copied()).max(f64::MIN_POSITIVE);
+        x.iter().map(|x| x / s).collect()
+    };
+    let (q, v) = (scaled(&q), scaled(&v));
+    let power = |x: &[f64], n: i32| -> Vec<f64> { x.iter().map(|x| x.powi(n)).collect() };
+    let sign: Vec<f64> = v.iter().map(|v| if v.abs() < 1e-3 { 0.0 } else { v.signum() }).collect();
+    let drag: Vec<f64> = v.iter().map(|v| v * v.abs()).collect();
+    let (first, last) = (t.iter().copied().fold(f64::INFINITY, f64::min), t.iter().copied().fold(0.0, f64::max));
+    let drift: Vec<Vec<f64>> = match BSplines::new(first, last.max(first + 1e-9), 3) {
+        Ok(basis) => {
+            let rows: Vec<Vec<f64>> = t.iter().map(|&t| basis.row(t)).collect();
+            (1..basis.len()).map(|j| rows.iter().map(|r| r[j]).collect()).collect()
+        }
+        Err(_) => Vec::new(),
+    };
+    // What free nominal parameters could still explain: a linear spring and damper at the port.
+    let base = vec![q.clone(), v.clone()];
+    let groups: [(&'static str, Vec<Vec<f64>>); 4] = [
+        ("sign of velocity", vec![sign]),
+        ("velocity", vec![drag, power(&v, 3)]),
+        ("position", vec![power(&q, 2), power(&q, 3)]),
+        ("time", drift),
+    ];
+    let own = regression::explained(&w, &base, 5).max(0.0);
+    let mut best = ("nothing it was tested against", 0.0, 1.0);
+    for (name, columns) in groups {
+        let mut all = base.clone();
+        all.extend(columns.iter().cloned());
+        let share = regression::explained(&w, &all, 5) - own;
+        if share > best.1 + 0.02 {
+            let p = regression::shift_p_value(&w, &base, &columns, 5, SHIFTS, seed);
+            best = (name, share, if p.is_finite() { p } else { 1.0 });
+        }
+    }
+    best
+}

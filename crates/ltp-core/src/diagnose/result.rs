@@ -1,0 +1,241 @@
+//! The noun `Diagnosis`: what was found, with the numbers that show it. Its serialised form is the public JSON.
+
+use indexmap::IndexMap;
+use serde::Serialize;
+
+/// What ltp says about a mismatch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// The model explains the recordings.
+    Consistent,
+    /// The structure is right; a nominal parameter is off by more than its stated uncertainty allows.
+    Parameter,
+    /// Physics was left out, and it has a name.
+    Effect,
+    /// Physics was left out; the recordings cannot tell some names apart.
+    Ambiguous,
+    /// Physics was left out that the library does not hold.
+    Unknown,
+}
+
+/// A number with its standard deviation and unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// Value.
+    pub value: f64,
+    /// Standard deviation; coloured residuals are accounted for.
+    pub sd: Option<f64>,
+    /// Unit.
+    pub unit: String,
+}
+
+/// Physics that was left out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NamedEffect {
+    /// Name in the library.
+    pub name: String,
+    /// Port.
+    pub at: String,
+    /// Parameters.
+    pub parameters: IndexMap<String, Estimate>,
+    /// Share of the structural error that it removes.
+    pub share: f64,
+}
+
+/// Where a mismatch acts.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Location {
+    /// `port`.
+    pub kind: String,
+    /// Name of the port.
+    pub at: String,
+    /// Mode, where only one matters.
+    pub mode: Option<String>,
+    /// What the missing force depends on.
+    pub variable: String,
+    /// Phases of the cycle at which it acts; empty where there is no clock.
+    pub phases: Vec<f64>,
+    /// Probability that the dependence is chance.
+    pub p_value: f64,
+    /// Gain in log-likelihood over no missing force.
+    pub margin: f64,
+}
+
+/// One candidate of the ranking.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Candidate {
+    /// Effect, or `nothing`.
+    pub name: String,
+    /// Port.
+    pub at: String,
+    /// Distance to the winner in units of deviance: zero is best, ten is decisive.
+    pub score: Option<f64>,
+    /// Deviance of the held-out records less that of the nominal model; negative is better.
+    pub held_out: Option<f64>,
+    /// Whether the fit reached its goal.
+    pub converged: bool,
+    /// Fitted parameters.
+    pub parameters: IndexMap<String, f64>,
+    /// Why it is out of the race, where it is.
+    pub note: Option<String>,
+}
+
+/// A nominal parameter before and after.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ParameterReport {
+    /// As stated.
+    pub nominal: f64,
+    /// Stated uncertainty.
+    pub nominal_sd: f64,
+    /// Refitted without the effect: what it absorbed.
+    pub before: f64,
+    /// Refitted with the effect; as before where none was named.
+    pub after: f64,
+    /// Standard deviation of the last value.
+    pub sd: f64,
+    /// Unit.
+    pub unit: String,
+}
+
+/// Errors of one output of one record.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FitRow {
+    /// Record.
+    pub record: String,
+    /// Output.
+    pub output: String,
+    /// Unit.
+    pub unit: String,
+    /// rms error over the output's standard deviation with parameters as stated.
+    pub nominal: Option<f64>,
+    /// With the nominal structure refitted.
+    pub before: Option<f64>,
+    /// With the effect; as before where none was named.
+    pub after: Option<f64>,
+    /// Noise.
+    pub floor: f64,
+    /// rms error before, in the output's unit.
+    pub rms_before: Option<f64>,
+    /// rms error after, in the output's unit.
+    pub rms_after: Option<f64>,
+}
+
+/// Errors, train and held-out.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FitReport {
+    /// Records that were fitted.
+    pub train: Vec<FitRow>,
+    /// Records that were predicted; only their initial state was fitted.
+    pub test: Vec<FitRow>,
+}
+
+/// A force law over the variable it depends on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Law {
+    /// Port.
+    pub at: String,
+    /// `velocity`, `position` or `time`.
+    pub variable: String,
+    /// Unit of the force.
+    pub unit: String,
+    /// Unit of the variable.
+    pub variable_unit: String,
+    /// Values of the variable.
+    pub grid: Vec<f64>,
+    /// Force.
+    pub force: Vec<f64>,
+    /// One standard deviation.
+    pub sd: Vec<f64>,
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Diagnosis {
+    /// Name of the model.
+    pub model_name: String,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// The verdict in a sentence with numbers and units.
+    pub sentence: String,
+    /// Where, if anywhere.
+    pub location: Option<Location>,
+    /// What was left out.
+    pub effects: Vec<NamedEffect>,
+    /// `name@port` of what the recordings cannot tell from it.
+    pub ambiguous_with: Vec<String>,
+    /// The whole ranking, best first.
+    pub candidates: Vec<Candidate>,
+    /// Nominal parameters before and after.
+    pub parameters: IndexMap<String, ParameterReport>,
+    /// Errors before and after.
+    pub fit: FitReport,
+    /// The augmented model as TOML.
+    pub model: String,
+    /// The law of what is not in the library, when the verdict is unknown.
+    pub law: Option<Law>,
+    /// What to keep in mind.
+    pub warnings: Vec<String>,
+    /// Time it took, s.
+    pub seconds: f64,
+    /// Series behind the pictures; not part of the JSON.
+    #[serde(skip)]
+    pub traces: Traces,
+}
+
+/// Series behind the pictures.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Traces {
+    /// Outputs of each record.
+    pub records: Vec<RecordTrace>,
+    /// The missing force along the train records.
+    pub force: Vec<Force>,
+    /// The law of the named effect, or of the unknown one.
+    pub law: Option<Law>,
+}
+
+/// Outputs of one record, measured and simulated; (n, ny), row-major.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RecordTrace {
+    /// Record.
+    pub name: String,
+    /// Whether it was held out.
+    pub test: bool,
+    /// Time, s.
+    pub t: Vec<f64>,
+    /// Outputs by name.
+    pub output_names: Vec<String>,
+    /// Measured.
+    pub measured: Vec<f64>,
+    /// With parameters as stated; empty where the run failed.
+    pub nominal: Vec<f64>,
+    /// Nominal structure refitted.
+    pub before: Vec<f64>,
+    /// With the effect; empty where none was named.
+    pub after: Vec<f64>,
+}
+
+/// A missing force along one record.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Force {
+    /// Record.
+    pub record: String,
+    /// Port.
+    pub at: String,
+    /// Unit of the force.
+    pub unit: String,
+    /// Unit of the position.
+    pub position_unit: String,
+    /// Unit of the velocity.
+    pub velocity_unit: String,
+    /// Time, s.
+    pub t: Vec<f64>,
+    /// Position of the port.
+    pub position: Vec<f64>,
+    /// Velocity of the port.
+    pub velocity: Vec<f64>,
+    /// Force.
+    pub force: Vec<f64>,
+    /// One standard deviation.
+    pub sd: Vec<f64>,
+}

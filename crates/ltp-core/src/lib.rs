@@ -1,0 +1,14 @@
+//! **ltp** explains periodic and hybrid mechanical systems from their recordings.
+//!
+//! Modules in flow order: equations as data become a [`model::Model`]; [`simulate`] turns it into a trajectory with exact
+//! sensitivities through its events; [`signal::Recording`] is what was measured; [`diagnose`] is the only room with doors
+//! to both sides.
+
+pub mod error;
+pub mod model;
+pub mod numeric;
+pub mod signal;
+pub mod simulate;
+pub mod diagnose;
+
+pub use error::{Error, Result};

@@ -1,0 +1,353 @@
+//! A model ready to run: one set of programs per combined mode, compiled when the mode is first entered.
+
+use std::sync::OnceLock;
+
+use super::assemble::Assembly;
+use super::document::Direction;
+use super::friction::{Contact, Forces, Product, forces};
+use super::graph::{Graph, Id, Symbol};
+use super::program::{Backend, Program};
+use super::system::{Guard, Point, Schedule, System};
+
+/// Speed below which a dry element counts as at rest when a state is set from outside, in units of its port.
+const REST: f64 = 1e-13;
+
+/// A compiled model.
+pub struct Compiled {
+    assembly: Assembly,
+    product: Product,
+    values: Vec<f64>,
+    free: Vec<usize>,
+    inputs: usize,
+    backend: Backend,
+    modes: Vec<OnceLock<ModeValues>>,
+    jacobians: Vec<OnceLock<ModeJacobians>>,
+    ticks: Vec<Vec<Program>>,
+    tick_jacobians: Vec<Vec<Program>>,
+    schedule: Program,
+}
+
+/// Programs that give values in one mode.
+struct ModeValues {
+    flow: Program,
+    output: Program,
+    guard: Program,
+    guards: Vec<Guard>,
+    kind: Vec<Kind>,
+    when: Vec<Option<Program>>,
+    reset: Vec<Program>,
+    /// `phi`, level, velocity of every dry element.
+    dry: Program,
+}
+
+/// Programs that give derivatives in one mode.
+struct ModeJacobians {
+    flow: Program,
+    output: Program,
+    guard: Vec<Program>,
+    reset: Vec<Program>,
+}
+
+/// What a guard of a combined mode is.
+#[derive(Clone, Copy)]
+enum Kind {
+    /// An event of the document.
+    Event(usize),
+    /// A slipping element comes to rest.
+    Rest(usize),
+    /// A sticking element breaks away.
+    Break(usize, Contact),
+}
+
+/// Expressions of one combined mode.
+struct Expressions {
+    graph: Graph,
+    flow: Vec<Id>,
+    output: Vec<Id>,
+    dry: Forces,
+    guards: Vec<(Guard, Kind, Id, Option<Id>, Vec<Id>)>,
+}
+
+impl Compiled {
+    /// Makes programs for an assembly; `free` are the parameters that derivatives are taken for.
+    pub fn new(assembly: Assembly, product: Product, inputs: usize, free: Vec<usize>, backend: Backend) -> Self {
+        let values: Vec<f64> = assembly.parameters.iter().map(|p| p.value).collect();
+        let schedule: Vec<Id> = assembly.ticks.iter().flat_map(|t| [t.every, t.offset]).collect();
+        let schedule = Program::plain(&assembly.graph, &schedule);
+        let mut graph = assembly.graph.clone();
+        let (mut ticks, mut tick_jacobians) = (Vec::new(), Vec::new());
+        for t in &assembly.ticks {
+            let value: Vec<&[Id]> = t.update.iter().map(Vec::as_slice).collect();
+            ticks.push(Program::compile(&graph, &value, backend));
+            let full: Vec<Vec<Id>> = t.update.iter().map(|u| all_slopes(&mut graph, u, u.len(), &free, inputs)).collect();
+            let full: Vec<&[Id]> = full.iter().map(Vec::as_slice).collect();
+            tick_jacobians.push(Program::compile(&graph, &full, backend));
+        }
+        let n = product.count();
+        Self {
+            assembly,
+            product,
+            values,
+            free,
+            inputs,
+            backend,
+            modes: (0..n).map(|_| OnceLock::new()).collect(),
+            jacobians: (0..n).map(|_| OnceLock::new()).collect(),
+            ticks,
+            tick_jacobians,
+            schedule,
+        }
+    }
+
+    /// Whether machine code serves (always, where this machine can compile).
+    pub fn is_native(&self) -> bool {
+        self.mode(self.initial_mode()).flow.is_native()
+    }
+
+    /// Compiles values and derivatives of the document's modes, every element slipping forward: the cost of loading.
+    pub fn warm(&self) {
+        for base in 0..self.assembly.modes.len() {
+            let mode = self.product.join(base, &vec![Contact::Forward; self.product.elements]);
+            self.mode(mode);
+            self.jacobian(mode);
+        }
+    }
+
+    fn expressions(&self, mode: usize) -> Expressions {
+        let a = &self.assembly;
+        let (base, contacts) = self.product.split(mode);
+        let active = &self.product.active[base];
+        let mut g = a.graph.clone();
+        let dry = forces(&mut g, a, base, &contacts, active);
+        let put = |g: &mut Graph, ids: &[Id]| {
+            g.substitute(ids, |s| if let Symbol::Dry(i) = s { Some(dry.phi[i]) } else { None })
+        };
+        let flow = put(&mut g, &a.modes[base].flow);
+        let output = put(&mut g, &a.modes[base].outputs);
+        let identity: Vec<Id> = (0..a.states.len()).map(|i| g.leaf(Symbol::State(i))).collect();
+        let mut guards = Vec::new();
+        for (k, e) in a.events.iter().enumerate().filter(|(_, e)| e.from == base) {
+            let guard = put(&mut g, &[e.guard])[0];
+            let when = e.when.map(|w| put(&mut g, &[w])[0]);
+            let reset = put(&mut g, &e.reset);
+            let info = Guard { name: e.name.clone(), direction: e.direction, friction: false };
+            guards.push((info, Kind::Event(k), guard, when, reset));
+        }
+        for (i, c) in contacts.iter().enumerate().filter(|(i, _)| active[*i]) {
+            let mut push = |kind, id, direction| {
+                let info = Guard { name: a.dry_names[i].clone(), direction, friction: true };
+                guards.push((info, kind, id, None, identity.clone()));
+            };
+            match c {
+                Contact::Forward => push(Kind::Rest(i), dry.velocity[i], Direction::Falling),
+                Contact::Backward => push(Kind::Rest(i), dry.velocity[i], Direction::Rising),
+                Contact::Stick => {
+                    // The holding force that reaches +L is overcome by a load that pushes backward, and the reverse.
+                    let above = g.sub(dry.level[i], dry.phi[i]);
+                    let below = g.add(dry.level[i], dry.phi[i]);
+                    push(Kind::Break(i, Contact::Backward), above, Direction::Falling);
+                    push(Kind::Break(i, Contact::Forward), below, Direction::Falling);
+                }
+            }
+        }
+        Expressions { graph: g, flow, output, dry, guards }
+    }
+
+    fn mode(&self, mode: usize) -> &ModeValues {
+        self.modes[mode].get_or_init(|| {
+            let e = self.expressions(mode);
+            let guard: Vec<Id> = e.guards.iter().map(|g| g.2).collect();
+            let mut programs = Program::compile(&e.graph, &[&e.flow, &e.output, &guard], self.backend).into_iter();
+            let mut next = || programs.next().expect("as many programs as groups");
+            let dry: Vec<Id> = e.dry.phi.iter().chain(&e.dry.level).chain(&e.dry.velocity).copied().collect();
+            ModeValues {
+                flow: next(),
+                output: next(),
+                guard: next(),
+                when: e.guards.iter().map(|g| g.3.map(|w| Program::plain(&e.graph, &[w]))).collect(),
+                reset: e.guards.iter().map(|g| Program::plain(&e.graph, &g.4)).collect(),
+                dry: Program::plain(&e.graph, &dry),
+                kind: e.guards.iter().map(|g| g.1).collect(),
+                guards: e.guards.into_iter().map(|g| g.0).collect(),
+            }
+        })
+    }
+
+    fn jacobian(&self, mode: usize) -> &ModeJacobians {
+        self.jacobians[mode].get_or_init(|| {
+            let mut e = self.expressions(mode);
+            let n = self.states();
+            let flow = slopes(&mut e.graph, &e.flow, n, &self.free);
+            let output = slopes(&mut e.graph, &e.output, n, &self.free);
+            let (mut guard, mut reset) = (Vec::new(), Vec::new());
+            for g in &e.guards {
+                guard.push(all_slopes(&mut e.graph, &[g.2], n, &self.free, self.inputs));
+                reset.push(all_slopes(&mut e.graph, &g.4, n, &self.free, self.inputs));
+            }
+            let mut programs = Program::compile(&e.graph, &[&flow, &output], self.backend).into_iter();
+            let mut next = || programs.next().expect("as many programs as groups");
+            ModeJacobians {
+                flow: next(),
+                output: next(),
+                guard: guard.iter().map(|ids| Program::plain(&e.graph, ids)).collect(),
+                reset: reset.iter().map(|ids| Program::plain(&e.graph, ids)).collect(),
+            }
+        })
+    }
+
+    /// Chooses slip or stick for every element at a state: `resting` elements try to hold, the others follow their velocity.
+    fn resolve(&self, base: usize, resting: &[bool], at: Point<'_>) -> usize {
+        let n = self.product.elements;
+        let mut contacts = vec![Contact::Forward; n];
+        if n == 0 {
+            return base;
+        }
+        let mut dry = vec![0.0; 3 * n];
+        let active = &self.product.active[base];
+        self.mode(self.product.join(base, &contacts)).dry.eval(at, &mut dry);
+        for i in (0..n).filter(|&i| active[i]) {
+            let v = dry[2 * n + i];
+            contacts[i] = if resting[i] || v.abs() <= REST {
+                Contact::Stick
+            } else if v > 0.0 {
+                Contact::Forward
+            } else {
+                Contact::Backward
+            };
+        }
+        for _ in 0..n {
+            self.mode(self.product.join(base, &contacts)).dry.eval(at, &mut dry);
+            let breaks = |i: &usize| contacts[*i] == Contact::Stick && dry[*i].abs() > dry[n + *i];
+            // The one that is overcome most goes first: it may relieve the others.
+            let excess = |i: &usize| dry[*i].abs() - dry[n + *i];
+            let Some(i) = (0..n).filter(breaks).max_by(|a, b| excess(a).total_cmp(&excess(b))) else { break };
+            contacts[i] = if dry[i] > 0.0 { Contact::Backward } else { Contact::Forward };
+        }
+        self.product.join(base, &contacts)
+    }
+}
+
+/// Values, derivatives by state, derivatives by free parameter.
+fn slopes(g: &mut Graph, values: &[Id], nx: usize, free: &[usize]) -> Vec<Id> {
+    let columns = |g: &mut Graph, leaves: Vec<Symbol>| -> Vec<Id> {
+        let by: Vec<Vec<Id>> = leaves.into_iter().map(|s| g.derivative(values, s)).collect();
+        (0..values.len()).flat_map(|i| by.iter().map(move |c| c[i])).collect()
+    };
+    let mut all = values.to_vec();
+    all.extend(columns(g, (0..nx).map(Symbol::State).collect()));
+    all.extend(columns(g, free.iter().map(|&k| Symbol::Parameter(k)).collect()));
+    all
+}
+
+/// As [`slopes`], and derivatives by time and by input.
+fn all_slopes(g: &mut Graph, values: &[Id], nx: usize, free: &[usize], nu: usize) -> Vec<Id> {
+    let mut all = slopes(g, values, nx, free);
+    all.extend(g.derivative(values, Symbol::Time));
+    let by: Vec<Vec<Id>> = (0..nu).map(|j| g.derivative(values, Symbol::Input(j))).collect();
+    all.extend((0..values.len()).flat_map(|i| by.iter().map(move |c| c[i])));
+    all
+}
+
+impl System for Compiled {
+    fn states(&self) -> usize {
+        self.assembly.states.len()
+    }
+    fn inputs(&self) -> usize {
+        self.inputs
+    }
+    fn outputs(&self) -> usize {
+        self.assembly.modes[0].outputs.len()
+    }
+    fn parameters(&self) -> &[f64] {
+        &self.values
+    }
+    fn free(&self) -> &[usize] {
+        &self.free
+    }
+    fn initial_state(&self) -> Vec<f64> {
+        self.assembly.initial.clone()
+    }
+    fn initial_mode(&self) -> usize {
+        self.product.join(self.assembly.initial_mode, &vec![Contact::Forward; self.product.elements])
+    }
+    fn mode_name(&self, mode: usize) -> String {
+        let (base, contacts) = self.product.split(mode);
+        let mut name = self.assembly.modes[base].name.clone();
+        for (i, c) in contacts.iter().enumerate().filter(|(i, _)| self.product.active[base][*i]) {
+            let what = match c {
+                Contact::Forward => "slips forward",
+                Contact::Backward => "slips backward",
+                Contact::Stick => "sticks",
+            };
+            name.push_str(&format!(", {} {what}", self.assembly.dry_names[i]));
+        }
+        name
+    }
+    #[inline]
+    fn flow(&self, mode: usize, at: Point<'_>, rates: &mut [f64]) {
+        self.mode(mode).flow.eval(at, rates);
+    }
+    fn flow_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
+        self.jacobian(mode).flow.eval(at, out);
+    }
+    fn output(&self, mode: usize, at: Point<'_>, y: &mut [f64]) {
+        self.mode(mode).output.eval(at, y);
+    }
+    fn output_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
+        self.jacobian(mode).output.eval(at, out);
+    }
+    fn guards(&self, mode: usize) -> &[Guard] {
+        &self.mode(mode).guards
+    }
+    #[inline]
+    fn guard_values(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
+        self.mode(mode).guard.eval(at, out);
+    }
+    fn guard_jacobian(&self, mode: usize, guard: usize, at: Point<'_>, out: &mut [f64]) {
+        self.jacobian(mode).guard[guard].eval(at, out);
+    }
+    fn fires(&self, mode: usize, guard: usize, at: Point<'_>) -> bool {
+        self.mode(mode).when[guard].as_ref().is_none_or(|w| {
+            let mut holds = [0.0];
+            w.eval(at, &mut holds);
+            holds[0] != 0.0
+        })
+    }
+    fn reset(&self, mode: usize, guard: usize, at: Point<'_>, after: &mut [f64]) {
+        self.mode(mode).reset[guard].eval(at, after);
+    }
+    fn reset_jacobian(&self, mode: usize, guard: usize, at: Point<'_>, out: &mut [f64]) {
+        self.jacobian(mode).reset[guard].eval(at, out);
+    }
+    fn target(&self, mode: usize, guard: usize, at: Point<'_>) -> usize {
+        let (base, mut contacts) = self.product.split(mode);
+        let mut resting: Vec<bool> = contacts.iter().map(|c| *c == Contact::Stick).collect();
+        match self.mode(mode).kind[guard] {
+            Kind::Event(k) => self.settle(self.product.join(self.assembly.events[k].to, &contacts), at),
+            Kind::Rest(i) => {
+                resting[i] = true;
+                self.resolve(base, &resting, at)
+            }
+            Kind::Break(i, to) => {
+                contacts[i] = to;
+                self.product.join(base, &contacts)
+            }
+        }
+    }
+    fn settle(&self, mode: usize, at: Point<'_>) -> usize {
+        let (base, _) = self.product.split(mode);
+        self.resolve(base, &vec![false; self.product.elements], at)
+    }
+    fn ticks(&self, p: &[f64]) -> Vec<Schedule> {
+        let mut v = vec![0.0; self.schedule.len()];
+        self.schedule.eval(Point { t: 0.0, x: &[], u: &[], p }, &mut v);
+        let named = self.assembly.ticks.iter().zip(v.chunks(2));
+        named.map(|(t, v)| Schedule { name: t.name.clone(), every: v[0], offset: v[1] }).collect()
+    }
+    fn tick(&self, mode: usize, tick: usize, at: Point<'_>, after: &mut [f64]) {
+        self.ticks[tick][self.product.split(mode).0].eval(at, after);
+    }
+    fn tick_jacobian(&self, mode: usize, tick: usize, at: Point<'_>, out: &mut [f64]) {
+        self.tick_jacobians[tick][self.product.split(mode).0].eval(at, out);
+    }
+}

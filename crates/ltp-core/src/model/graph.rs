@@ -1,0 +1,513 @@
+//! The shared expression graph: every subexpression of a model stands here once.
+//!
+//! Nodes are hash-consed, so that common subexpressions are computed once whatever the number of equations and
+//! derivatives that use them; constructors fold constants and drop neutral elements. Derivatives are exact, by forward
+//! accumulation over the graph (Griewank & Walther 2008, chapter 3). The graph knows no names: it works on [`Symbol`]s.
+
+use std::collections::HashMap;
+
+/// A leaf of the graph: what an expression may depend on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Symbol {
+    /// Time, s.
+    Time,
+    /// State number.
+    State(usize),
+    /// Input number.
+    Input(usize),
+    /// Parameter number.
+    Parameter(usize),
+    /// Generalised force of a port, a placeholder that assembly replaces by the laws attached there.
+    Port(usize),
+    /// Set-valued friction force of a dry element, a placeholder that each slip or stick mode replaces.
+    Dry(usize),
+}
+
+/// Functions of one argument.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[allow(missing_docs)]
+pub enum Fun1 {
+    Neg,
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+    Sinh,
+    Cosh,
+    Tanh,
+    Exp,
+    Log,
+    Sqrt,
+    Abs,
+    Sign,
+}
+
+/// Functions of two arguments; comparisons give one or zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[allow(missing_docs)]
+pub enum Fun2 {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Pow,
+    Atan2,
+    Min,
+    Max,
+    Lt,
+    Le,
+    Gt,
+    Ge,
+    Eq,
+    Ne,
+}
+
+/// Handle of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Id(u32);
+
+impl Id {
+    /// Position of the node in its graph.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// One node; operands always stand before their node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Node {
+    /// A number, by its bits.
+    Const(u64),
+    /// A leaf.
+    Leaf(Symbol),
+    /// A function of one node.
+    One(Fun1, Id),
+    /// A function of two nodes.
+    Two(Fun2, Id, Id),
+    /// `if(condition, then, otherwise)`; the condition holds when it is not zero.
+    Select(Id, Id, Id),
+}
+
+/// Applies a function of one argument; the one definition that all evaluators share.
+pub fn apply1(f: Fun1, a: f64) -> f64 {
+    match f {
+        Fun1::Neg => -a,
+        Fun1::Sin => a.sin(),
+        Fun1::Cos => a.cos(),
+        Fun1::Tan => a.tan(),
+        Fun1::Asin => a.asin(),
+        Fun1::Acos => a.acos(),
+        Fun1::Atan => a.atan(),
+        Fun1::Sinh => a.sinh(),
+        Fun1::Cosh => a.cosh(),
+        Fun1::Tanh => a.tanh(),
+        Fun1::Exp => a.exp(),
+        Fun1::Log => a.ln(),
+        Fun1::Sqrt => a.sqrt(),
+        Fun1::Abs => a.abs(),
+        Fun1::Sign => sign(a),
+    }
+}
+
+/// Applies a function of two arguments; the one definition that all evaluators share.
+pub fn apply2(f: Fun2, a: f64, b: f64) -> f64 {
+    let truth = |c: bool| if c { 1.0 } else { 0.0 };
+    match f {
+        Fun2::Add => a + b,
+        Fun2::Sub => a - b,
+        Fun2::Mul => a * b,
+        Fun2::Div => a / b,
+        Fun2::Pow => a.powf(b),
+        Fun2::Atan2 => a.atan2(b),
+        Fun2::Min => if a < b { a } else { b },
+        Fun2::Max => if a > b { a } else { b },
+        Fun2::Lt => truth(a < b),
+        Fun2::Le => truth(a <= b),
+        Fun2::Gt => truth(a > b),
+        Fun2::Ge => truth(a >= b),
+        Fun2::Eq => truth(a == b),
+        Fun2::Ne => truth(a != b),
+    }
+}
+
+/// Sign with `sign(0) = 0`.
+pub fn sign(a: f64) -> f64 {
+    if a > 0.0 {
+        1.0
+    } else if a < 0.0 {
+        -1.0
+    } else {
+        0.0
+    }
+}
+
+/// A growing set of shared expressions.
+#[derive(Clone, Debug, Default)]
+pub struct Graph {
+    nodes: Vec<Node>,
+    index: HashMap<Node, Id>,
+}
+
+impl Graph {
+    /// An empty graph.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The node behind a handle.
+    pub fn node(&self, id: Id) -> Node {
+        self.nodes[id.index()]
+    }
+
+    fn intern(&mut self, node: Node) -> Id {
+        if let Some(&id) = self.index.get(&node) {
+            return id;
+        }
+        let id = Id(self.nodes.len() as u32);
+        self.nodes.push(node);
+        self.index.insert(node, id);
+        id
+    }
+
+    /// A number.
+    pub fn constant(&mut self, value: f64) -> Id {
+        let value = if value == 0.0 { 0.0 } else { value }; // one zero, not two
+        self.intern(Node::Const(value.to_bits()))
+    }
+
+    /// A leaf.
+    pub fn leaf(&mut self, symbol: Symbol) -> Id {
+        self.intern(Node::Leaf(symbol))
+    }
+
+    /// The number that a node is, if it is one.
+    pub fn value(&self, id: Id) -> Option<f64> {
+        match self.node(id) {
+            Node::Const(bits) => Some(f64::from_bits(bits)),
+            _ => None,
+        }
+    }
+
+    /// Whether the node is the number zero.
+    pub fn is_zero(&self, id: Id) -> bool {
+        self.value(id) == Some(0.0)
+    }
+
+    /// A function of one argument, folded where its argument is a number.
+    pub fn one(&mut self, f: Fun1, a: Id) -> Id {
+        if let Some(v) = self.value(a) {
+            return self.constant(apply1(f, v));
+        }
+        if let (Fun1::Neg, Node::One(Fun1::Neg, inner)) = (f, self.node(a)) {
+            return inner;
+        }
+        self.intern(Node::One(f, a))
+    }
+
+    /// A function of two arguments, folded and freed of neutral elements.
+    pub fn two(&mut self, f: Fun2, a: Id, b: Id) -> Id {
+        let (va, vb) = (self.value(a), self.value(b));
+        if let (Some(x), Some(y)) = (va, vb) {
+            return self.constant(apply2(f, x, y));
+        }
+        match f {
+            Fun2::Add if va == Some(0.0) => return b,
+            Fun2::Add | Fun2::Sub if vb == Some(0.0) => return a,
+            Fun2::Sub if va == Some(0.0) => return self.one(Fun1::Neg, b),
+            Fun2::Sub if a == b => return self.constant(0.0),
+            Fun2::Mul if va == Some(0.0) || vb == Some(0.0) => return self.constant(0.0),
+            Fun2::Mul if va == Some(1.0) => return b,
+            Fun2::Mul | Fun2::Div | Fun2::Pow if vb == Some(1.0) => return a,
+            Fun2::Mul if va == Some(-1.0) => return self.one(Fun1::Neg, b),
+            Fun2::Mul | Fun2::Div if vb == Some(-1.0) => return self.one(Fun1::Neg, a),
+            Fun2::Div if va == Some(0.0) => return a,
+            Fun2::Pow if vb == Some(0.0) => return self.constant(1.0),
+            Fun2::Pow if vb == Some(0.5) => return self.one(Fun1::Sqrt, a),
+            Fun2::Pow => {
+                if let Some(n) = vb.filter(|n| n.fract() == 0.0 && n.abs() <= 16.0) {
+                    return self.integer_power(a, n as i32);
+                }
+            }
+            _ => {}
+        }
+        // Commutative operands in one order, so that a*b and b*a are one node.
+        let (a, b) = match f {
+            Fun2::Add | Fun2::Mul if b < a => (b, a),
+            _ => (a, b),
+        };
+        self.intern(Node::Two(f, a, b))
+    }
+
+    fn integer_power(&mut self, base: Id, n: i32) -> Id {
+        let mut result = self.constant(1.0);
+        let (mut square, mut rest) = (base, n.unsigned_abs());
+        while rest > 0 {
+            if rest & 1 == 1 {
+                result = self.mul(result, square);
+            }
+            rest >>= 1;
+            if rest > 0 {
+                square = self.mul(square, square);
+            }
+        }
+        if n < 0 {
+            let one = self.constant(1.0);
+            return self.div(one, result);
+        }
+        result
+    }
+
+    /// `if(condition, then, otherwise)`.
+    pub fn select(&mut self, condition: Id, then: Id, otherwise: Id) -> Id {
+        match self.value(condition) {
+            Some(c) if c != 0.0 => then,
+            Some(_) => otherwise,
+            None if then == otherwise => then,
+            None => self.intern(Node::Select(condition, then, otherwise)),
+        }
+    }
+
+    /// Sum.
+    pub fn add(&mut self, a: Id, b: Id) -> Id {
+        self.two(Fun2::Add, a, b)
+    }
+    /// Difference.
+    pub fn sub(&mut self, a: Id, b: Id) -> Id {
+        self.two(Fun2::Sub, a, b)
+    }
+    /// Product.
+    pub fn mul(&mut self, a: Id, b: Id) -> Id {
+        self.two(Fun2::Mul, a, b)
+    }
+    /// Quotient.
+    pub fn div(&mut self, a: Id, b: Id) -> Id {
+        self.two(Fun2::Div, a, b)
+    }
+    /// Negation.
+    pub fn neg(&mut self, a: Id) -> Id {
+        self.one(Fun1::Neg, a)
+    }
+
+    /// Handles of all nodes that `roots` need, operands first.
+    pub fn reachable(&self, roots: &[Id]) -> Vec<Id> {
+        let mut seen = vec![false; self.nodes.len()];
+        for r in roots {
+            seen[r.index()] = true;
+        }
+        for i in (0..self.nodes.len()).rev() {
+            if seen[i] {
+                for o in operands(self.nodes[i]).into_iter().flatten() {
+                    seen[o.index()] = true;
+                }
+            }
+        }
+        (0..self.nodes.len()).filter(|&i| seen[i]).map(|i| Id(i as u32)).collect()
+    }
+
+    /// Every leaf that `roots` depend on, in order.
+    pub fn leaves(&self, roots: &[Id]) -> Vec<Symbol> {
+        let mut found: Vec<Symbol> = self
+            .reachable(roots)
+            .into_iter()
+            .filter_map(|id| match self.node(id) {
+                Node::Leaf(s) => Some(s),
+                _ => None,
+            })
+            .collect();
+        found.sort();
+        found
+    }
+
+    /// The expressions with leaves replaced; `replace` gives the new node of a leaf, or `None` to keep it.
+    pub fn substitute(&mut self, roots: &[Id], replace: impl Fn(Symbol) -> Option<Id>) -> Vec<Id> {
+        let mut new: HashMap<Id, Id> = HashMap::new();
+        for id in self.reachable(roots) {
+            let to = match self.node(id) {
+                Node::Const(_) => id,
+                Node::Leaf(s) => replace(s).unwrap_or(id),
+                Node::One(f, a) => self.one(f, new[&a]),
+                Node::Two(f, a, b) => self.two(f, new[&a], new[&b]),
+                Node::Select(c, a, b) => self.select(new[&c], new[&a], new[&b]),
+            };
+            new.insert(id, to);
+        }
+        roots.iter().map(|r| new[r]).collect()
+    }
+
+    /// Exact derivatives of `roots` with respect to one leaf. Kinks (`abs`, `min`, `sign`, `if`) are differentiated on
+    /// the side where they are evaluated.
+    pub fn derivative(&mut self, roots: &[Id], leaf: Symbol) -> Vec<Id> {
+        let zero = self.constant(0.0);
+        let mut d: HashMap<Id, Id> = HashMap::new();
+        for id in self.reachable(roots) {
+            let of = |x: &Id| d.get(x).copied().unwrap_or(zero);
+            let node = self.node(id);
+            let moved = operands(node).into_iter().flatten().any(|o| of(&o) != zero);
+            let dv = match node {
+                Node::Leaf(s) if s == leaf => self.constant(1.0),
+                _ if !moved => continue,
+                Node::Const(_) | Node::Leaf(_) => continue,
+                Node::One(f, a) => {
+                    let da = of(&a);
+                    self.derivative_one(f, a, da, id)
+                }
+                Node::Two(f, a, b) => {
+                    let (da, db) = (of(&a), of(&b));
+                    self.derivative_two(f, a, b, da, db, id)
+                }
+                Node::Select(c, a, b) => {
+                    let (da, db) = (of(&a), of(&b));
+                    self.select(c, da, db)
+                }
+            };
+            if dv != zero {
+                d.insert(id, dv);
+            }
+        }
+        roots.iter().map(|r| d.get(r).copied().unwrap_or(zero)).collect()
+    }
+
+    fn derivative_one(&mut self, f: Fun1, a: Id, da: Id, value: Id) -> Id {
+        let one = self.constant(1.0);
+        let square = |g: &mut Self, x: Id| g.mul(x, x);
+        match f {
+            Fun1::Neg => self.neg(da),
+            Fun1::Sin => {
+                let c = self.one(Fun1::Cos, a);
+                self.mul(c, da)
+            }
+            Fun1::Cos => {
+                let s = self.one(Fun1::Sin, a);
+                let p = self.mul(s, da);
+                self.neg(p)
+            }
+            Fun1::Tan => {
+                let s = square(self, value);
+                let w = self.add(one, s);
+                self.mul(w, da)
+            }
+            Fun1::Asin | Fun1::Acos => {
+                let s = square(self, a);
+                let w = self.sub(one, s);
+                let r = self.one(Fun1::Sqrt, w);
+                let q = self.div(da, r);
+                if f == Fun1::Asin { q } else { self.neg(q) }
+            }
+            Fun1::Atan => {
+                let s = square(self, a);
+                let w = self.add(one, s);
+                self.div(da, w)
+            }
+            Fun1::Sinh => {
+                let c = self.one(Fun1::Cosh, a);
+                self.mul(c, da)
+            }
+            Fun1::Cosh => {
+                let s = self.one(Fun1::Sinh, a);
+                self.mul(s, da)
+            }
+            Fun1::Tanh => {
+                let s = square(self, value);
+                let w = self.sub(one, s);
+                self.mul(w, da)
+            }
+            Fun1::Exp => self.mul(value, da),
+            Fun1::Log => self.div(da, a),
+            Fun1::Sqrt => {
+                let two = self.constant(2.0);
+                let w = self.mul(two, value);
+                self.div(da, w)
+            }
+            Fun1::Abs => {
+                let s = self.one(Fun1::Sign, a);
+                self.mul(s, da)
+            }
+            Fun1::Sign => self.constant(0.0),
+        }
+    }
+
+    fn derivative_two(&mut self, f: Fun2, a: Id, b: Id, da: Id, db: Id, value: Id) -> Id {
+        match f {
+            Fun2::Add => self.add(da, db),
+            Fun2::Sub => self.sub(da, db),
+            Fun2::Mul => {
+                let (l, r) = (self.mul(da, b), self.mul(a, db));
+                self.add(l, r)
+            }
+            Fun2::Div => {
+                // (da - value*db)/b reuses the quotient itself.
+                let p = self.mul(value, db);
+                let n = self.sub(da, p);
+                self.div(n, b)
+            }
+            Fun2::Pow => {
+                let one = self.constant(1.0);
+                let e = self.sub(b, one);
+                let p = self.two(Fun2::Pow, a, e);
+                let bp = self.mul(b, p);
+                let first = self.mul(bp, da);
+                if self.is_zero(db) {
+                    return first;
+                }
+                let l = self.one(Fun1::Log, a);
+                let vl = self.mul(value, l);
+                let second = self.mul(vl, db);
+                self.add(first, second)
+            }
+            Fun2::Atan2 => {
+                let (aa, bb) = (self.mul(a, a), self.mul(b, b));
+                let w = self.add(aa, bb);
+                let (l, r) = (self.mul(b, da), self.mul(a, db));
+                let n = self.sub(l, r);
+                self.div(n, w)
+            }
+            Fun2::Min | Fun2::Max => {
+                let order = if f == Fun2::Min { Fun2::Lt } else { Fun2::Gt };
+                let c = self.two(order, a, b);
+                self.select(c, da, db)
+            }
+            Fun2::Lt | Fun2::Le | Fun2::Gt | Fun2::Ge | Fun2::Eq | Fun2::Ne => self.constant(0.0),
+        }
+    }
+}
+
+/// Operands of a node.
+pub fn operands(node: Node) -> [Option<Id>; 3] {
+    match node {
+        Node::Const(_) | Node::Leaf(_) => [None; 3],
+        Node::One(_, a) => [Some(a), None, None],
+        Node::Two(_, a, b) => [Some(a), Some(b), None],
+        Node::Select(c, a, b) => [Some(c), Some(a), Some(b)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shared_and_folded() {
+        let mut g = Graph::new();
+        let (x, y) = (g.leaf(Symbol::State(0)), g.leaf(Symbol::State(1)));
+        assert_eq!(g.mul(x, y), g.mul(y, x));
+        let zero = g.constant(0.0);
+        assert_eq!(g.add(x, zero), x);
+        let (two, three) = (g.constant(2.0), g.constant(3.0));
+        let p = g.two(Fun2::Pow, two, three);
+        assert_eq!(g.value(p), Some(8.0));
+    }
+
+    #[test]
+    fn negative_integer_power_has_the_right_derivative() {
+        let mut g = Graph::new();
+        let x = g.leaf(Symbol::State(0));
+        let n = g.constant(-2.0);
+        let f = g.two(Fun2::Pow, x, n);
+        let d = g.derivative(&[f], Symbol::State(0))[0];
+        let two = g.constant(2.0);
+        let at = g.substitute(&[d], |_| Some(two))[0];
+        assert!((g.value(at).unwrap() + 0.25).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,160 @@
+//! The trait that simulation works on. Compiled models implement it, and a Rust user may implement it instead.
+//!
+//! Matrices are row-major in one slice, value first, so that native code writes them in place:
+//!
+//! | method | length | content |
+//! |---|---|---|
+//! | `flow_jacobian` | `nx + nx*nx + nx*nf` | rates, d/dx, d/dp |
+//! | `output_jacobian` | `ny + ny*nx + ny*nf` | outputs, d/dx, d/dp |
+//! | `guard_jacobian` | `1 + nx + nf + 1 + nu` | guard, d/dx, d/dp, d/dt, d/du |
+//! | `reset_jacobian` | `nx + nx*nx + nx*nf + nx + nx*nu` | state after, d/dx, d/dp, d/dt, d/du |
+//!
+//! `nf` counts the *free* parameters, those that derivatives are taken for; `p` always holds all of them.
+
+pub use super::document::Direction;
+pub use super::tape::Point;
+
+/// A function whose crossing of zero is an event.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Guard {
+    /// Name of the event.
+    pub name: String,
+    /// Which crossing fires.
+    pub direction: Direction,
+    /// Dry friction passes from slip to stick and back: never a grazing or Zeno event.
+    pub friction: bool,
+}
+
+/// A sampled update with its schedule.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Schedule {
+    /// Name.
+    pub name: String,
+    /// Period, s.
+    pub every: f64,
+    /// First instant, s.
+    pub offset: f64,
+}
+
+/// A hybrid dynamical system with exact derivatives.
+pub trait System: Send + Sync {
+    /// Number of states.
+    fn states(&self) -> usize;
+    /// Number of inputs.
+    fn inputs(&self) -> usize;
+    /// Number of outputs.
+    fn outputs(&self) -> usize;
+    /// Nominal values of all parameters.
+    fn parameters(&self) -> &[f64];
+    /// Indices of the parameters that derivatives are taken for.
+    fn free(&self) -> &[usize];
+    /// Initial state.
+    fn initial_state(&self) -> Vec<f64>;
+    /// Starting mode, before [`System::settle`].
+    fn initial_mode(&self) -> usize {
+        0
+    }
+    /// Name of a mode.
+    fn mode_name(&self, mode: usize) -> String {
+        format!("mode {mode}")
+    }
+    /// Rates of the states.
+    fn flow(&self, mode: usize, at: Point<'_>, rates: &mut [f64]);
+    /// Rates with derivatives; central differences where not written out.
+    fn flow_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
+        difference(self.states(), at, self.free(), out, &mut |at, v| self.flow(mode, at, v));
+    }
+    /// Measured quantities.
+    fn output(&self, mode: usize, at: Point<'_>, y: &mut [f64]);
+    /// Measured quantities with derivatives; central differences where not written out.
+    fn output_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
+        difference(self.outputs(), at, self.free(), out, &mut |at, v| self.output(mode, at, v));
+    }
+    /// Guards watched in a mode, in the order in which simultaneous ones fire.
+    fn guards(&self, _mode: usize) -> &[Guard] {
+        &[]
+    }
+    /// Values of the guards of a mode.
+    fn guard_values(&self, _mode: usize, _at: Point<'_>, _out: &mut [f64]) {}
+    /// One guard with its derivatives.
+    fn guard_jacobian(&self, _mode: usize, _guard: usize, _at: Point<'_>, _out: &mut [f64]) {}
+    /// Whether an event fires at a crossing: its additional condition.
+    fn fires(&self, _mode: usize, _guard: usize, _at: Point<'_>) -> bool {
+        true
+    }
+    /// State after an event, from the state before.
+    fn reset(&self, _mode: usize, _guard: usize, at: Point<'_>, after: &mut [f64]) {
+        after.copy_from_slice(at.x);
+    }
+    /// State after an event with its derivatives.
+    fn reset_jacobian(&self, _mode: usize, _guard: usize, at: Point<'_>, out: &mut [f64]) {
+        identity_reset(at.x, out);
+    }
+    /// Mode after an event; `at` holds the state after it.
+    fn target(&self, mode: usize, _guard: usize, _at: Point<'_>) -> usize {
+        mode
+    }
+    /// The mode that fits a state set from outside: slip or stick of dry friction.
+    fn settle(&self, mode: usize, _at: Point<'_>) -> usize {
+        mode
+    }
+    /// Sampled updates with their schedules under given parameters.
+    fn ticks(&self, _p: &[f64]) -> Vec<Schedule> {
+        Vec::new()
+    }
+    /// State after a sampled update.
+    fn tick(&self, _mode: usize, _tick: usize, at: Point<'_>, after: &mut [f64]) {
+        after.copy_from_slice(at.x);
+    }
+    /// State after a sampled update with its derivatives, laid out as for `reset_jacobian`.
+    fn tick_jacobian(&self, _mode: usize, _tick: usize, at: Point<'_>, out: &mut [f64]) {
+        identity_reset(at.x, out);
+    }
+}
+
+/// Layout of a reset that changes nothing.
+fn identity_reset(x: &[f64], out: &mut [f64]) {
+    let n = x.len();
+    out.fill(0.0);
+    out[..n].copy_from_slice(x);
+    for i in 0..n {
+        out[n + i * n + i] = 1.0;
+    }
+}
+
+/// Central differences in the layout of [`System::flow_jacobian`]: `rows` values, d/dx, d/dp of the free parameters.
+fn difference(
+    rows: usize,
+    at: Point<'_>,
+    free: &[usize],
+    out: &mut [f64],
+    f: &mut dyn FnMut(Point<'_>, &mut [f64]),
+) {
+    let (nx, nf) = (at.x.len(), free.len());
+    f(at, &mut out[..rows]);
+    let (mut high, mut low) = (vec![0.0; rows], vec![0.0; rows]);
+    let (mut x, mut p) = (at.x.to_vec(), at.p.to_vec());
+    let step = |v: f64| f64::EPSILON.cbrt() * v.abs().max(1e-3);
+    for j in 0..nx {
+        let h = step(at.x[j]);
+        x[j] = at.x[j] + h;
+        f(Point { x: &x, ..at }, &mut high);
+        x[j] = at.x[j] - h;
+        f(Point { x: &x, ..at }, &mut low);
+        x[j] = at.x[j];
+        for i in 0..rows {
+            out[rows + i * nx + j] = (high[i] - low[i]) / (2.0 * h);
+        }
+    }
+    for (j, &k) in free.iter().enumerate() {
+        let h = step(at.p[k]);
+        p[k] = at.p[k] + h;
+        f(Point { p: &p, ..at }, &mut high);
+        p[k] = at.p[k] - h;
+        f(Point { p: &p, ..at }, &mut low);
+        p[k] = at.p[k];
+        for i in 0..rows {
+            out[rows + rows * nx + i * nf + j] = (high[i] - low[i]) / (2.0 * h);
+        }
+    }
+}

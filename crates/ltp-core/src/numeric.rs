@@ -1,0 +1,15 @@
+//! Level 1: numerical kernels that know no physics.
+//!
+//! Least squares is the centre: [`rows`] reduces tall problems to a triangle, [`lsq`] minimises nonlinear ones with
+//! bounds. Around it stand what noisy records need ([`spectrum`], [`whiten`], [`stats`], [`regression`]),
+//! interpolation ([`spline`]), bracketed roots ([`root`]) and a reproducible random sequence ([`rng`]).
+
+pub mod lsq;
+pub mod regression;
+pub mod rng;
+pub mod root;
+pub mod rows;
+pub mod spectrum;
+pub mod spline;
+pub mod stats;
+pub mod whiten;

@@ -1,0 +1,384 @@
+//! The engine: fixed steps on a grid, events inside them, ticks between them.
+//!
+//! After an event the next step ends on the grid again, so that samples stay where they were asked for. The engine owns
+//! the state, the mode, which guards are armed and the sensitivities; [`super::simulate`] and the fits of `diagnose` drive
+//! it from sample to sample.
+
+use super::inputs::Inputs;
+use super::locate::{Crossing, Watch};
+use super::saltation::{self, Sizes};
+use super::step::{Context, Work};
+use super::stop::{Event, Stats, Stop};
+use super::tableau::STAGES;
+use crate::model::{Point, Schedule, System};
+
+/// Events at one instant beyond which the engine calls it chattering.
+const CHATTER: usize = 64;
+/// Remaining time of a geometric sequence of events below which the engine calls it Zeno, s.
+const ZENO: f64 = 1e-9;
+/// A crossing slower than this fraction of the speed the guard's terms would allow is a touch, not a crossing.
+const GRAZING: f64 = 1e-8;
+
+/// What the engine needs to know before it starts.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Start, s.
+    pub t0: f64,
+    /// Step, s.
+    pub step: f64,
+    /// Largest number of steps.
+    pub max_steps: u64,
+    /// Whether to carry sensitivities.
+    pub derivatives: bool,
+}
+
+/// A simulation in progress.
+pub struct Engine<'a> {
+    system: &'a dyn System,
+    p: &'a [f64],
+    inputs: &'a Inputs,
+    settings: Settings,
+    sizes: Sizes,
+    t: f64,
+    x: Vec<f64>,
+    s: Vec<f64>,
+    mode: usize,
+    /// Number of the grid point last reached.
+    grid: u64,
+    first_stage_known: bool,
+    recheck: bool,
+    watch: Watch,
+    work: Work,
+    u: Vec<f64>,
+    ticks: Vec<(Schedule, u64)>,
+    events: Vec<Event>,
+    stats: Stats,
+    largest: Vec<f64>,
+    error: Vec<f64>,
+}
+
+impl<'a> Engine<'a> {
+    /// An engine at the start: the mode settled, guards armed, ticks that are due carried out.
+    pub fn new(
+        system: &'a dyn System,
+        p: &'a [f64],
+        inputs: &'a Inputs,
+        x0: &[f64],
+        mode: usize,
+        settings: Settings,
+    ) -> Result<Self, Stop> {
+        let sizes = Sizes { nx: system.states(), nf: system.free().len(), nu: system.inputs() };
+        let Sizes { nx, nf, nu } = sizes;
+        let mut s = vec![0.0; if settings.derivatives { nx * (nx + nf) } else { 0 }];
+        for i in 0..nx.min(s.len()) {
+            s[i * (nx + nf) + i] = 1.0;
+        }
+        let due = |c: &Schedule| ((settings.t0 - c.offset) / c.every - 1e-6).ceil().max(0.0) as u64;
+        let ticks = system.ticks(p).into_iter().map(|c| (due(&c), c)).map(|(k, c)| (c, k)).collect();
+        let mut engine = Self {
+            system,
+            p,
+            inputs,
+            settings,
+            sizes,
+            t: settings.t0,
+            x: x0.to_vec(),
+            s,
+            mode,
+            grid: 0,
+            first_stage_known: false,
+            recheck: false,
+            watch: Watch::default(),
+            work: Work::new(nx, nu, nf, settings.derivatives),
+            u: vec![0.0; nu],
+            ticks,
+            events: Vec::new(),
+            stats: Stats::default(),
+            largest: vec![0.0; nx],
+            error: vec![0.0; nx],
+        };
+        engine.enter(mode, true);
+        engine.tick_due()?;
+        Ok(engine)
+    }
+
+    /// Time, s.
+    pub fn time(&self) -> f64 {
+        self.t
+    }
+    /// State.
+    pub fn state(&self) -> &[f64] {
+        &self.x
+    }
+    /// Mode.
+    pub fn mode(&self) -> usize {
+        self.mode
+    }
+    /// Sensitivities of the state: nx rows of d/d(initial state), d/d(free parameters).
+    pub fn sensitivities(&self) -> &[f64] {
+        &self.s
+    }
+    /// Events so far.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// What it cost so far.
+    pub fn stats(&self) -> Stats {
+        let ratio = |(e, l): (&f64, &f64)| if *l > 0.0 { e / l } else { 0.0 };
+        let error_estimate = self.error.iter().zip(&self.largest).map(ratio).fold(0.0, f64::max);
+        Stats { error_estimate, ..self.stats }
+    }
+
+    /// Input at the present time, as it continues.
+    pub fn input(&mut self) -> &[f64] {
+        let interval = self.inputs.interval(self.t + 1e-6 * self.settings.step);
+        self.inputs.eval(interval, self.t, &mut self.u);
+        &self.u
+    }
+
+    /// Outputs at the present time.
+    pub fn output(&mut self, y: &mut [f64]) {
+        self.input();
+        self.system.output(self.mode, Point { t: self.t, x: &self.x, u: &self.u, p: self.p }, y);
+    }
+
+    /// Outputs with derivatives by state and free parameter, laid out as [`System::output_jacobian`].
+    pub fn output_jacobian(&mut self, out: &mut [f64]) {
+        self.input();
+        self.system.output_jacobian(self.mode, Point { t: self.t, x: &self.x, u: &self.u, p: self.p }, out);
+    }
+
+    /// Replaces state and sensitivities, as a measurement does: slip or stick is chosen anew.
+    pub fn correct(&mut self, x: &[f64], s: &[f64]) {
+        self.x.copy_from_slice(x);
+        self.s.copy_from_slice(s);
+        self.enter(self.mode, true);
+    }
+
+    /// Advances to the grid point `target`.
+    ///
+    /// # Errors
+    /// The reason why it could not; the state is the last valid one.
+    pub fn advance(&mut self, target: u64) -> Result<(), Stop> {
+        let Settings { t0, step, .. } = self.settings;
+        let sliver = 1e-9 * step;
+        while self.grid < target {
+            let end = t0 + (self.grid + 1) as f64 * step;
+            let next = self.ticks.iter().map(|(c, k)| c.offset + *k as f64 * c.every).fold(f64::INFINITY, f64::min);
+            if next < end - sliver {
+                self.flow_to(next)?;
+            } else {
+                self.flow_to(end)?;
+                self.grid += 1;
+            }
+            self.tick_due()?;
+            if self.inputs.jumps() {
+                self.first_stage_known = false;
+                self.recheck = true;
+            }
+        }
+        Ok(())
+    }
+
+    /// Flows to a time through any events before it.
+    fn flow_to(&mut self, end: f64) -> Result<(), Stop> {
+        let mut at_one_instant = 0;
+        while end - self.t > 1e-14 * self.t.abs().max(self.settings.step) {
+            if self.stats.steps >= self.settings.max_steps {
+                let (time, mode, limit) = (self.t, self.name(), self.settings.max_steps);
+                return Err(Stop::StepLimit { time, mode, limit });
+            }
+            let before = self.t;
+            self.step_to(end)?;
+            at_one_instant = if self.t - before > 1e-13 * self.t.abs().max(1e-3) { 0 } else { at_one_instant + 1 };
+            if at_one_instant > CHATTER {
+                let event = self.events.last().map_or(String::new(), |e| e.name.clone());
+                return Err(Stop::Chattering { time: self.t, mode: self.name(), event });
+            }
+        }
+        self.t = end;
+        Ok(())
+    }
+
+    /// One step towards `end`, or to the first event before it.
+    fn step_to(&mut self, end: f64) -> Result<(), Stop> {
+        let h = end - self.t;
+        let c = self.context(self.t + 0.5 * h);
+        if std::mem::take(&mut self.recheck) {
+            if let Some(guard) = self.watch.past(c, self.t, &self.x) {
+                return self.fire(c, guard, None);
+            }
+        }
+        let derivatives = self.settings.derivatives;
+        self.work.stages(c, self.t, h, &self.x, self.first_stage_known, derivatives);
+        self.stats.evaluations += STAGES as u64 - u64::from(self.first_stage_known && !derivatives);
+        if let Some(state) = self.work.x.iter().position(|v| !v.is_finite()) {
+            return Err(Stop::Escape { time: self.t, mode: self.name(), state });
+        }
+        self.work.last_stage(c, end);
+        self.stats.evaluations += 1;
+        match self.watch.crossing(c, &mut self.work, self.t, h, &self.x, &mut self.stats) {
+            None => {
+                self.accept(h, end);
+                std::mem::swap(&mut self.x, &mut self.work.x);
+                let (first, rest) = self.work.k.split_at_mut(1);
+                std::mem::swap(&mut first[0], &mut rest[STAGES - 1]);
+                self.first_stage_known = true;
+                self.watch.advance();
+                Ok(())
+            }
+            Some(Crossing { guard, length, also }) => {
+                self.work.stages(c, self.t, length, &self.x, false, derivatives);
+                self.work.last_stage(c, self.t + length);
+                let to = if length == h { end } else { self.t + length };
+                self.accept(length, to);
+                std::mem::swap(&mut self.x, &mut self.work.x);
+                self.fire(c, guard, Some(&also))
+            }
+        }
+    }
+
+    /// Books a step of length `h`: time, error, sensitivities. The stages are in `work`.
+    fn accept(&mut self, h: f64, to: f64) {
+        self.t = to;
+        self.stats.steps += 1;
+        for n in 0..self.sizes.nx {
+            self.largest[n] = self.largest[n].max(self.work.x[n].abs());
+            self.error[n] = self.error[n].max(self.work.error(n, h).abs());
+        }
+        if self.settings.derivatives {
+            self.work.sensitivities(h, &mut self.s);
+        }
+    }
+
+    fn context(&self, middle: f64) -> Context<'a> {
+        let interval = self.inputs.interval(middle);
+        Context { system: self.system, p: self.p, inputs: self.inputs, mode: self.mode, interval }
+    }
+
+    fn name(&self) -> String {
+        self.system.mode_name(self.mode)
+    }
+
+    /// Carries out an event at the present time, and the ones that fall together with it. `also` is `None` where the event
+    /// time is fixed by a jump of the input or a tick.
+    fn fire(&mut self, c: Context<'_>, guard: usize, also: Option<&[String]>) -> Result<(), Stop> {
+        let info = self.system.guards(self.mode)[guard].clone();
+        self.jump(c, guard, also.is_some())?;
+        self.zeno(&info.name, info.friction)?;
+        for name in also.unwrap_or_default() {
+            let next = self.system.guards(self.mode).iter().position(|g| g.name == *name);
+            let Some(next) = next.filter(|&k| self.watch.at_or_past(k)) else { continue };
+            let c = Context { mode: self.mode, ..c };
+            self.jump(c, next, true)?;
+        }
+        Ok(())
+    }
+
+    /// Reset, mode change and saltation of one guard.
+    fn jump(&mut self, c: Context<'_>, guard: usize, moves: bool) -> Result<(), Stop> {
+        let (before, t) = (self.mode, self.t);
+        let info = self.system.guards(before)[guard].clone();
+        let Sizes { nx, nf, nu } = self.sizes;
+        let mut u = vec![0.0; nu];
+        self.inputs.eval(c.interval, t, &mut u);
+        let mut after = vec![0.0; nx];
+        let at = Point { t, x: &self.x, u: &u, p: self.p };
+        self.system.reset(before, guard, at, &mut after);
+        if let Some(state) = after.iter().position(|v| !v.is_finite()) {
+            return Err(Stop::Escape { time: t, mode: self.name(), state });
+        }
+        let to = self.system.target(before, guard, Point { x: &after, ..at });
+        if self.settings.derivatives || !info.friction {
+            let mut g = vec![0.0; 2 + nx + nf + nu];
+            let (mut f_before, mut f_after, mut u_rate) = (vec![0.0; nx], vec![0.0; nx], vec![0.0; nu]);
+            self.system.guard_jacobian(before, guard, at, &mut g);
+            self.system.flow(before, at, &mut f_before);
+            self.inputs.rate(c.interval, t, &mut u_rate);
+            let rate = saltation::guard_rate(self.sizes, &g, &f_before, &u_rate);
+            let possible: f64 = g[1..1 + nx].iter().zip(&f_before).map(|(a, b)| (a * b).abs()).sum();
+            let gx: f64 = g[1..1 + nx].iter().map(|v| v * v).sum::<f64>().sqrt();
+            let speed: f64 = f_before.iter().map(|v| v * v).sum::<f64>().sqrt();
+            if moves && !info.friction && rate.abs() <= GRAZING * possible.max(GRAZING * gx * speed) {
+                return Err(Stop::Grazing { time: t, mode: self.name(), event: info.name });
+            }
+            if self.settings.derivatives {
+                self.system.flow(to, Point { x: &after, ..at }, &mut f_after);
+                let mut reset = vec![0.0; 2 * nx + nx * nx + nx * nf + nx * nu];
+                self.system.reset_jacobian(before, guard, at, &mut reset);
+                let g = (moves && rate != 0.0).then_some(g.as_slice());
+                saltation::apply(self.sizes, g, &reset, &f_before, &f_after, &u_rate, &mut self.s);
+            }
+        }
+        self.x = after;
+        self.stats.events += 1;
+        self.enter(to, false);
+        self.events.push(Event { name: info.name, time: t, mode_before: before, mode_after: to });
+        Ok(())
+    }
+
+    /// Enters a mode: guards are armed anew, slip or stick chosen where asked.
+    fn enter(&mut self, mode: usize, settle: bool) {
+        self.input();
+        let at = Point { t: self.t, x: &self.x, u: &self.u, p: self.p };
+        self.mode = if settle { self.system.settle(mode, at) } else { mode };
+        self.first_stage_known = false;
+        self.watch.enter(self.system, self.mode, at);
+    }
+
+    /// Carries out the ticks that are due now.
+    fn tick_due(&mut self) -> Result<(), Stop> {
+        let mut any = false;
+        for i in 0..self.ticks.len() {
+            let (every, offset) = (self.ticks[i].0.every, self.ticks[i].0.offset);
+            if offset + self.ticks[i].1 as f64 * every > self.t + 1e-9 * self.settings.step {
+                continue;
+            }
+            self.ticks[i].1 += 1;
+            self.stats.ticks += 1;
+            any = true;
+            self.input();
+            let Sizes { nx, nf, nu } = self.sizes;
+            let at = Point { t: self.t, x: &self.x, u: &self.u, p: self.p };
+            let mut after = vec![0.0; nx];
+            self.system.tick(self.mode, i, at, &mut after);
+            if let Some(state) = after.iter().position(|v| !v.is_finite()) {
+                return Err(Stop::Escape { time: self.t, mode: self.name(), state });
+            }
+            if self.settings.derivatives {
+                let mut reset = vec![0.0; 2 * nx + nx * nx + nx * nf + nx * nu];
+                self.system.tick_jacobian(self.mode, i, at, &mut reset);
+                let still = vec![0.0; nx.max(nu)];
+                saltation::apply(self.sizes, None, &reset, &still[..nx], &still[..nx], &still[..nu], &mut self.s);
+            }
+            self.x = after;
+        }
+        if any {
+            self.first_stage_known = false;
+            self.recheck = true;
+        }
+        Ok(())
+    }
+
+    /// Whether events accumulate: intervals that shrink geometrically and leave no time.
+    fn zeno(&mut self, name: &str, friction: bool) -> Result<(), Stop> {
+        if friction {
+            return Ok(());
+        }
+        let times: Vec<f64> = self.events.iter().rev().filter(|e| e.name == name).take(6).map(|e| e.time).collect();
+        if times.len() < 6 {
+            return Ok(());
+        }
+        let gaps: Vec<f64> = times.windows(2).map(|w| w[0] - w[1]).collect();
+        let ratio = gaps[0] / gaps[1];
+        if gaps.windows(2).all(|w| w[0] < w[1]) && ratio < 1.0 {
+            let rest = gaps[0] * ratio / (1.0 - ratio);
+            if rest < ZENO {
+                let (time, mode) = (self.t, self.name());
+                return Err(Stop::Zeno { time, accumulation: time + rest, mode, event: name.to_string() });
+            }
+        }
+        Ok(())
+    }
+}

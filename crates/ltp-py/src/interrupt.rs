@@ -1,0 +1,98 @@
+//! A system that can be stopped from outside: the simulation of any model, made to end when Ctrl-C was heard.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use ltp_core::model::{Guard, Point, Schedule, System};
+
+/// A system as it is, until `flag` is set; then its rates are not numbers, and the simulation ends within one step.
+pub struct Interruptible<S> {
+    system: Arc<S>,
+    flag: Arc<AtomicBool>,
+}
+
+impl<S: System> Interruptible<S> {
+    /// The system, listening to `flag`.
+    pub fn new(system: Arc<S>, flag: Arc<AtomicBool>) -> Self {
+        Self { system, flag }
+    }
+}
+
+impl<S: System> System for Interruptible<S> {
+    #[inline]
+    fn flow(&self, mode: usize, at: Point<'_>, rates: &mut [f64]) {
+        if self.flag.load(Ordering::Relaxed) {
+            rates.fill(f64::NAN);
+        } else {
+            self.system.flow(mode, at, rates);
+        }
+    }
+
+    // Everything else is the system's own; methods with a default are passed on as well, or it would hide the system's.
+    fn states(&self) -> usize {
+        self.system.states()
+    }
+    fn inputs(&self) -> usize {
+        self.system.inputs()
+    }
+    fn outputs(&self) -> usize {
+        self.system.outputs()
+    }
+    fn parameters(&self) -> &[f64] {
+        self.system.parameters()
+    }
+    fn free(&self) -> &[usize] {
+        self.system.free()
+    }
+    fn initial_state(&self) -> Vec<f64> {
+        self.system.initial_state()
+    }
+    fn initial_mode(&self) -> usize {
+        self.system.initial_mode()
+    }
+    fn mode_name(&self, mode: usize) -> String {
+        self.system.mode_name(mode)
+    }
+    fn flow_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
+        self.system.flow_jacobian(mode, at, out);
+    }
+    fn output(&self, mode: usize, at: Point<'_>, y: &mut [f64]) {
+        self.system.output(mode, at, y);
+    }
+    fn output_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
+        self.system.output_jacobian(mode, at, out);
+    }
+    fn guards(&self, mode: usize) -> &[Guard] {
+        self.system.guards(mode)
+    }
+    fn guard_values(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
+        self.system.guard_values(mode, at, out);
+    }
+    fn guard_jacobian(&self, mode: usize, guard: usize, at: Point<'_>, out: &mut [f64]) {
+        self.system.guard_jacobian(mode, guard, at, out);
+    }
+    fn fires(&self, mode: usize, guard: usize, at: Point<'_>) -> bool {
+        self.system.fires(mode, guard, at)
+    }
+    fn reset(&self, mode: usize, guard: usize, at: Point<'_>, after: &mut [f64]) {
+        self.system.reset(mode, guard, at, after);
+    }
+    fn reset_jacobian(&self, mode: usize, guard: usize, at: Point<'_>, out: &mut [f64]) {
+        self.system.reset_jacobian(mode, guard, at, out);
+    }
+    fn target(&self, mode: usize, guard: usize, at: Point<'_>) -> usize {
+        self.system.target(mode, guard, at)
+    }
+    fn settle(&self, mode: usize, at: Point<'_>) -> usize {
+        self.system.settle(mode, at)
+    }
+    fn ticks(&self, p: &[f64]) -> Vec<Schedule> {
+        self.system.ticks(p)
+    }
+    fn tick(&self, mode: usize, tick: usize, at: Point<'_>, after: &mut [f64]) {
+        self.system.tick(mode, tick, at, after);
+    }
+    fn tick_jacobian(&self, mode: usize, tick: usize, at: Point<'_>, out: &mut [f64]) {
+        self.system.tick_jacobian(mode, tick, at, out);
+    }
+}

@@ -1,0 +1,29 @@
+//! The extension `ltp._ltp`: the core as Python sees it. Translation only; `python/ltp/_ltp.pyi` says what is in it.
+//!
+//! Read in order: [`error`] (how failures arrive), [`door`] (how work is done without holding the interpreter),
+//! [`array`] (how numbers cross), [`interrupt`] (how a simulation is stopped), then the nouns [`model`], [`recording`] and
+//! [`trajectory`], and the verb [`simulate`].
+
+mod array;
+mod door;
+mod error;
+mod interrupt;
+mod model;
+mod recording;
+mod simulate;
+mod trajectory;
+
+/// The compiled half of the package `ltp`; use the names of `ltp` instead.
+#[pyo3::pymodule(gil_used = false)]
+mod _ltp {
+    #[pymodule_export]
+    use crate::error::{ConvergenceError, InputError};
+    #[pymodule_export]
+    use crate::model::{Model, effect_names, effect_text, unit_factor, zoo_names, zoo_text};
+    #[pymodule_export]
+    use crate::recording::Recording;
+    #[pymodule_export]
+    use crate::simulate::simulate;
+    #[pymodule_export]
+    use crate::trajectory::Trajectory;
+}

@@ -1,0 +1,63 @@
+"""ltp: explains periodic and hybrid mechanical systems from their recordings.
+
+Owns the public names. Give it the equations you believe (`Model`) and the data you measured (`Recording`); `simulate`
+runs the equations, `diagnose` locates where the two disagree, names the physics that was left out and shows the fit
+improve.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ltp import zoo
+from ltp._ltp import ConvergenceError, InputError
+from ltp.diagnose import (
+    Candidate,
+    Diagnosis,
+    Effect,
+    Estimate,
+    Fit,
+    FitRow,
+    Law,
+    Location,
+    ParameterChange,
+    diagnose,
+)
+from ltp.model import Model
+from ltp.recording import Recording
+from ltp.simulate import Event, Stop, Trajectory, simulate
+
+__all__ = [
+    "Candidate",
+    "ConvergenceError",
+    "Diagnosis",
+    "Effect",
+    "Estimate",
+    "Event",
+    "Fit",
+    "FitRow",
+    "InputError",
+    "Law",
+    "Location",
+    "Model",
+    "ParameterChange",
+    "Recording",
+    "Stop",
+    "Trajectory",
+    "diagnose",
+    "simulate",
+    "zoo",
+]
+
+
+__version__: str
+
+if not TYPE_CHECKING:  # to a type checker, a module with `__getattr__` seems to have every name
+
+    def __getattr__(name: str) -> str:
+        """The version, looked up in the installed package's metadata when it is asked for."""
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return version("ltp-dynamics")
+        raise AttributeError(f"module 'ltp' has no attribute {name!r}")

@@ -1,0 +1,167 @@
+# Owns the types of the compiled extension `ltp._ltp`: the whole surface between Python and Rust, nothing else.
+# Checked against the built extension by `mypy.stubtest`. Shapes: n samples, nx states, nu inputs, ny outputs.
+# Units: SI and radians, except an output whose document declares another unit (deg, mm, Hz), which stays in that unit.
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypedDict, final, type_check_only
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = [
+    "ConvergenceError",
+    "Diagnosis",
+    "InputError",
+    "Model",
+    "Recording",
+    "Trajectory",
+    "diagnose",
+    "effect_names",
+    "effect_text",
+    "simulate",
+    "unit_factor",
+    "zoo_names",
+    "zoo_text",
+]
+
+class InputError(ValueError): ...
+class ConvergenceError(RuntimeError): ...
+
+@type_check_only
+class _Parameter(TypedDict):
+    name: str
+    value: float
+    sd: float | None
+    unit: str
+    min: float | None
+    max: float | None
+
+@type_check_only
+class _Estimate(TypedDict):
+    value: float
+    sd: float | None
+    unit: str
+
+@type_check_only
+class _Effect(TypedDict):
+    name: str
+    at: str
+    parameters: dict[str, _Estimate]
+
+@type_check_only
+class _Stop(TypedDict):
+    reason: str
+    time: float
+    mode: str
+    message: str
+
+@final
+class Model:
+    @staticmethod
+    def from_toml(text: str, source: str) -> Model: ...
+    @staticmethod
+    def from_json(text: str, source: str) -> Model: ...
+    def to_toml(self) -> str: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def description(self) -> str: ...
+    @property
+    def states(self) -> list[str]: ...
+    @property
+    def inputs(self) -> list[str]: ...
+    @property
+    def outputs(self) -> list[str]: ...
+    @property
+    def ports(self) -> list[str]: ...
+    @property
+    def modes(self) -> list[str]: ...
+    @property
+    def parameters(self) -> list[_Parameter]: ...
+    @property
+    def effects(self) -> list[_Effect]: ...
+    def unit(self, name: str) -> str: ...
+    def column(self, name: str) -> str: ...
+    def input_default(self, name: str) -> float | None: ...
+    def with_parameters(self, values: Mapping[str, float]) -> Model: ...
+    def attach(self, effect: str, at: str, parameters: Mapping[str, float]) -> Model: ...
+
+@final
+class Recording:
+    def __new__(
+        cls,
+        name: str,
+        t: npt.NDArray[np.float64],
+        inputs: npt.NDArray[np.float64],
+        outputs: npt.NDArray[np.float64],
+        input_names: Sequence[str],
+        output_names: Sequence[str],
+    ) -> Recording: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def t(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def inputs(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def outputs(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def dt(self) -> float: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    @property
+    def input_names(self) -> list[str]: ...
+    @property
+    def output_names(self) -> list[str]: ...
+    def slice(self, start: float, end: float) -> Recording: ...
+
+@final
+class Trajectory:
+    @property
+    def t(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def states(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def inputs(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def outputs(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def mode(self) -> list[str]: ...
+    @property
+    def events(self) -> list[tuple[str, float, str, str]]: ...
+    @property
+    def stop(self) -> _Stop: ...
+    @property
+    def stats(self) -> dict[str, Any]: ...
+
+@final
+class Diagnosis:
+    def json(self) -> str: ...
+    def traces(self) -> dict[str, Any]: ...
+
+def simulate(
+    model: Model,
+    inputs: Mapping[str, npt.NDArray[np.float64]] | Mapping[str, str] | Mapping[str, npt.NDArray[np.float64] | str],
+    t: npt.NDArray[np.float64],
+    *,
+    hold: str = "first-order",
+    step: float | None = None,
+    initial_state: Mapping[str, float] | None = None,
+    initial_mode: str | None = None,
+) -> Trajectory: ...
+def diagnose(
+    model: Model,
+    train: Sequence[Recording],
+    test: Sequence[Recording],
+    *,
+    candidates: Sequence[str] | None = ...,
+    hold: str = ...,
+    seed: int = ...,
+    threads: int = ...,
+    progress: Callable[[str, float], None] | None = ...,
+) -> Diagnosis: ...
+def zoo_names() -> list[str]: ...
+def zoo_text(name: str) -> str: ...
+def effect_names() -> list[str]: ...
+def effect_text(name: str) -> str: ...
+def unit_factor(found: str, wanted: str) -> float: ...

@@ -1,0 +1,152 @@
+"""Owns what the subcommands share: how models, recordings and assignments are written on a command line."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from ltp import zoo
+from ltp._ltp import InputError
+from ltp.model import Model
+from ltp.recording import Recording
+
+EXIT_CODES = """\
+exit codes:
+  0    fine
+  1    a method did not reach its goal (no convergence)
+  2    wrong usage, or an input that cannot be right
+  130  interrupted with Ctrl-C; no file is left half written"""
+
+HOLDS = ("first-order", "zero-order", "cubic")
+
+_ZOO = "zoo:"
+_WINDOW = re.compile(r"^(?P<file>.+)@(?P<start>[^@:/\\]*):(?P<end>[^@:/\\]*)$")
+
+
+# What `add_subparsers` returns; argparse keeps the name of the class to itself.
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+
+
+class Formatter(argparse.RawDescriptionHelpFormatter):
+    """Keeps the line breaks of descriptions and examples, and leaves room for long option names."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, max_help_position=32)
+
+
+def epilog(*examples: str) -> str:
+    """The end of a help text: examples that run in the order they stand, then the exit codes."""
+    lines = "\n".join(f"  {example}" for example in examples)
+    return f"example{'s' if len(examples) > 1 else ''}:\n{lines}\n\n{EXIT_CODES}"
+
+
+def add_model(parser: argparse.ArgumentParser) -> None:
+    """The argument MODEL, and `--set` for its parameters."""
+    parser.add_argument("model", metavar="MODEL", help="model document (.toml), or zoo:NAME for a reference model")
+    parser.add_argument(
+        "--set",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        dest="parameters",
+        help="replace the value of a parameter, in its own unit; may be repeated",
+    )
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """The option `--json`."""
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on standard output")
+
+
+def load_model(arguments: argparse.Namespace) -> Model:
+    """The model of MODEL and `--set`."""
+    word: str = arguments.model
+    model = zoo.load(word[len(_ZOO) :]) if word.startswith(_ZOO) else Model.load(word)
+    values = numbers("--set", arguments.parameters)
+    return model.with_parameters(values) if values else model
+
+
+def load_recording(word: str, model: Model, columns: dict[str, str | None], dt: float | None) -> Recording:
+    """A recording from `FILE` or `FILE@START:END`, the window in seconds; either end may be left out."""
+    window = None if Path(word).exists() else _WINDOW.match(word)
+    if window is None:
+        return Recording.read(word, model, columns, dt=dt)
+    start = _seconds(word, window["start"], -math.inf)
+    end = _seconds(word, window["end"], math.inf)
+    return Recording.read(window["file"], model, columns, dt=dt).slice(start, end)
+
+
+def column_mapping(words: Sequence[str]) -> dict[str, str | None]:
+    """`--columns q=qm,tau=u` as a mapping; an empty right side says that the signal is not in the file."""
+    pairs = _pairs("--columns", [part for word in words for part in word.split(",") if part.strip()])
+    return {name: text or None for name, text in pairs.items()}
+
+
+def assignments(option: str, words: Sequence[str]) -> dict[str, str]:
+    """Repeated `NAME=TEXT` as a dict; both sides must be there."""
+    pairs = _pairs(option, words)
+    for name, text in pairs.items():
+        if not text:
+            raise InputError(f"{option} {name}=: nothing stands after the equals sign; write {option} {name}=VALUE")
+    return pairs
+
+
+def numbers(option: str, words: Sequence[str]) -> dict[str, float]:
+    """Repeated `NAME=NUMBER` as a dict."""
+    values = {}
+    for name, text in assignments(option, words).items():
+        value = _number(text)
+        if value is None:
+            raise InputError(f"{option} {name}={text}: {text!r} is not a finite number; write {option} {name}=0.5")
+        values[name] = value
+    return values
+
+
+def as_json(tree: Any) -> str:
+    """One JSON object; what is not finite becomes null, because JSON has no NaN."""
+    return json.dumps(_finite(tree), allow_nan=False)
+
+
+def _pairs(option: str, words: Sequence[str]) -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for word in words:
+        name, equals, text = word.partition("=")
+        name = name.strip()
+        if not equals or not name:
+            raise InputError(f"{option} {word}: expected NAME=VALUE; write it without spaces, or in quotation marks")
+        if name in pairs:
+            raise InputError(f"{option}: {name!r} is given twice ({pairs[name]!r} and {text.strip()!r}); remove one")
+        pairs[name] = text.strip()
+    return pairs
+
+
+def _seconds(word: str, text: str, otherwise: float) -> float:
+    value = _number(text) if text.strip() else otherwise
+    if value is None:
+        raise InputError(
+            f"{word}: {text!r} in the window is not a number of seconds; write FILE@START:END, as run.csv@10:35.5"
+        )
+    return value
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _finite(tree: Any) -> Any:
+    if isinstance(tree, dict):
+        return {key: _finite(value) for key, value in tree.items()}
+    if isinstance(tree, (list, tuple)):
+        return [_finite(value) for value in tree]
+    if isinstance(tree, float) and not math.isfinite(tree):
+        return None
+    return tree

@@ -1,0 +1,35 @@
+"""Figures of a diagnosis, as matplotlib ``Figure`` objects; the report embeds them and users may save them.
+
+>>> from ltp import plots
+>>> figure = plots.ranking([plots.Candidate("coulomb_friction at drive", 0.0, -5210.0, True, "named")])
+>>> figure.savefig("ranking.pdf")                                                   # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from .curves import Curves, comparison, leaves_frame
+from .errors import ErrorRow, errors
+from .force import Force, Law, Units, axis_of, missing_force
+from .parameters import Shift, absorbed
+from .ranking import Candidate, ranking
+from .style import COLORS
+from .svg import to_svg
+
+__all__ = [
+    "COLORS",
+    "Candidate",
+    "Curves",
+    "ErrorRow",
+    "Force",
+    "Law",
+    "Shift",
+    "Units",
+    "absorbed",
+    "axis_of",
+    "comparison",
+    "errors",
+    "leaves_frame",
+    "missing_force",
+    "ranking",
+    "to_svg",
+]

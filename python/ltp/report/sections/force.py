@@ -1,0 +1,57 @@
+"""The missing force: estimated without any law, against what it depends on, with the law that was named over it."""
+
+from __future__ import annotations
+
+from ltp.plots import axis_of, missing_force
+from ltp.plots.numbers import pretty_unit, significant
+
+from ..markup import Section, details, figure, paragraph, table
+from ..view import View, dependence
+
+
+def section(view: View) -> Section | None:
+    """One figure for each port at which a missing force was estimated."""
+    if not view.forces:
+        return None
+    body = "\n".join(_figure(view, at, index) for index, at in enumerate(view.forces))
+    return Section("force", "The missing force", _sentence(view), body)
+
+
+def _sentence(view: View) -> str:
+    text = (
+        "The force that the nominal equations lack, estimated from the training records by a smoother that knows no "
+        "law of friction or stiffness. "
+    )
+    if not view.added:
+        return text + "Nothing in it justifies an addition to the model."
+    at = next(iter(view.forces))
+    depends = f"It depends on {dependence(view.variable(at))}"
+    if view.verdict == "unknown":
+        return f"{text}{depends}, and the law drawn over it is a table, not a named effect."
+    return f"{text}{depends}; the line is the law of {view.effect_label}, fitted to the motion."
+
+
+def _figure(view: View, at: str, index: int) -> str:
+    forces, law, variable = view.forces[at], view.law(at), view.variable(at)
+    here = [str(e.get("name")) for e in view.effects if e.get("at") == at]
+    name = " + ".join(here) if here else "estimated"
+    drawing = missing_force(forces, variable, law=law, units=view.units(at), name=name)
+    main = axis_of(variable)
+    caption = f"Port {at}. The circles are means of the grey samples over bins and know nothing of the law."
+    if law is not None:
+        caption += " The band around the law is two sigma."
+    caption += f" Over time: record {forces[0].record}."
+    out = figure(drawing, f"force{index}", f"Estimated missing force at port {at} against {main}. {caption}", caption)
+    if law is not None and view.verdict == "unknown":
+        units = view.units(at)
+        step = max(1, len(law.grid) // 40)
+        rows = [
+            [significant(law.grid[i], 4), significant(law.force[i], 4), significant(law.sd[i], 2)]
+            for i in range(0, len(law.grid), step)
+        ]
+        unit = pretty_unit(units.force)
+        head = [f"{main} {pretty_unit(units.of(axis_of(law.variable)))}", f"force {unit}", f"sd {unit}"]
+        out += details("The law as a table", table(head, rows, text_columns=0))
+    if law is None and view.added:
+        out += paragraph("No law is drawn here: what was added does not act as a force at this port alone.")
+    return out

@@ -306,6 +306,45 @@ class TestThreads:
             np.testing.assert_array_equal(states, expected)
 
 
+class TestProgress:
+    @pytest.fixture
+    def recording(self, model: _ltp.Model) -> _ltp.Recording:
+        t = np.arange(200) * 0.02
+        run = _ltp.simulate(model.with_parameters({"M": 12.0}), {"tau": "8*sin(2*t)"}, t)
+        noise = np.random.default_rng(1).normal(scale=1e-4, size=run.outputs.shape)
+        return _ltp.Recording("run", t, run.inputs, run.outputs + noise, model.inputs, model.outputs)
+
+    def test_stages_and_fractions(self, model: _ltp.Model, recording: _ltp.Recording) -> None:
+        heard: list[tuple[str, float]] = []
+        call = lambda *news: heard.append(news)  # noqa: E731
+        found = _ltp.diagnose(model, [recording], [], candidates=["viscous_friction"], progress=call)
+        assert found.json().startswith("{")
+        assert all(text and 0.0 <= fraction <= 1.0 for text, fraction in heard)
+        assert heard[-1][1] == 1.0
+        for trace in found.traces()["records"]:
+            for name in ("measured", "nominal", "before", "after"):
+                assert trace[name].shape == (len(trace["t"]), 2)
+
+    def test_exception_of_the_callback(self, model: _ltp.Model, recording: _ltp.Recording) -> None:
+        def refuse(*_: object) -> None:
+            raise LookupError("enough")
+
+        with pytest.raises(LookupError, match="enough"):
+            _ltp.diagnose(model, [recording], [], progress=refuse)
+
+    def test_hold(self, model: _ltp.Model, recording: _ltp.Recording) -> None:
+        with pytest.raises(_ltp.InputError, match="no hold `linear`"):
+            _ltp.diagnose(model, [recording], [], hold="linear")
+
+
+SIMULATE = '_ltp.simulate(model, {"tau": "sin(t)"}, np.arange(20001) * 1.0, step=1e-5)'
+DIAGNOSE = """
+    t = np.arange(100000) * 1e-3
+    run = _ltp.simulate(model, {"tau": "40*sin(3*t) + 20*sin(7.1*t)"}, t)
+    outputs = run.outputs + np.random.default_rng(1).normal(scale=1e-3, size=run.outputs.shape)
+    record = _ltp.Recording("run", t, run.inputs, outputs, model.inputs, model.outputs)
+    _ltp.diagnose(model, [record], [])
+"""
 LONG = """
 import sys, time
 import numpy as np
@@ -313,7 +352,7 @@ from ltp import _ltp
 model = _ltp.Model.from_toml(_ltp.zoo_text("drive"), "drive")
 print("ready", flush=True)
 try:
-    _ltp.simulate(model, {"tau": "sin(t)"}, np.arange(20001) * 1.0, step=1e-5)
+    {work}
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 time.sleep(0.2)                    # the worker takes its leave
@@ -324,8 +363,11 @@ print(time.process_time() - before, flush=True)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Ctrl-C is sent as a POSIX signal")
-def test_ctrl_c_ends_a_long_simulation() -> None:
-    with subprocess.Popen([sys.executable, "-c", LONG], stdout=subprocess.PIPE, text=True) as process:
+@pytest.mark.parametrize("work", [SIMULATE, DIAGNOSE], ids=["simulate", "diagnose"])
+def test_ctrl_c_ends_long_work(work: str) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", LONG.format(work=work.strip())], stdout=subprocess.PIPE, text=True
+    ) as process:
         assert process.stdout is not None
         try:
             assert process.stdout.readline() == "ready\n"
@@ -335,7 +377,7 @@ def test_ctrl_c_ends_a_long_simulation() -> None:
             assert process.stdout.readline() == "interrupted\n"
             assert time.monotonic() - sent < 1.0
             busy = float(process.stdout.readline())
-            assert busy < 0.25, "the simulation went on after the interrupt"
+            assert busy < 0.25, "the work went on after the interrupt"
             assert process.wait(timeout=30) == 0
         finally:
             process.kill()

@@ -154,11 +154,11 @@ def diagnose(
     train: Sequence[Recording],
     test: Sequence[Recording],
     *,
-    candidates: Sequence[str] | None = ...,
-    hold: str = ...,
-    seed: int = ...,
-    threads: int = ...,
-    progress: Callable[[str, float], None] | None = ...,
+    candidates: Sequence[str] | None = None,
+    hold: str = "first-order",
+    seed: int = 0,
+    threads: int = 0,
+    progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosis: ...
 def zoo_names() -> list[str]: ...
 def zoo_text(name: str) -> str: ...

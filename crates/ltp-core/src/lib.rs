@@ -9,6 +9,7 @@ pub mod model;
 pub mod numeric;
 pub mod signal;
 pub mod simulate;
+pub mod conceal;
 pub mod diagnose;
 
 pub use error::{Error, Result};

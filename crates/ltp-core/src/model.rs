@@ -2,7 +2,8 @@
 //!
 //! Read in order: [`document`] (the tree a file holds), [`parse`] (expressions), [`units`], [`effects`] (the library of
 //! candidate physics), [`graph`] (shared expressions and derivatives), [`assemble`] (names and equations), [`friction`]
-//! (slip and stick), [`tape`] and [`native`] (evaluation), [`system`] (the trait simulation works on).
+//! (slip and stick), [`tape`] and [`native`] (evaluation), [`stepper`] (a whole step as one program), [`system`] (the
+//! trait simulation works on).
 
 pub mod assemble;
 pub mod check_units;
@@ -16,6 +17,7 @@ pub mod native;
 pub mod parse;
 pub mod program;
 pub mod scope;
+pub mod stepper;
 pub mod system;
 pub mod tape;
 pub mod units;
@@ -26,6 +28,7 @@ pub use compiled::Compiled;
 pub use document::{Attached, Definition, Document, FullDefinition};
 pub use effects::{Effect, Library};
 pub use program::Backend;
+pub use stepper::Stepper;
 pub use system::{Direction, Guard, Point, Schedule, System};
 pub use zoo::{ZOO, zoo, zoo_text};
 
@@ -270,6 +273,12 @@ impl Model {
             nearest: nearest(name, known),
             context: place(&self.source, "model"),
         })
+    }
+
+    /// The model's starting mode with dry friction set apart, for the plain evaluator; `None` for a hybrid model.
+    pub fn parts(&self) -> Option<friction::Parts> {
+        let smooth = self.assembly.modes.len() == 1 && self.assembly.events.is_empty() && self.assembly.ticks.is_empty();
+        smooth.then(|| friction::parts(&self.assembly, self.assembly.initial_mode))
     }
 
     /// Position and velocity of a port in the starting mode, ready to be evaluated.

@@ -2,7 +2,8 @@
 //!
 //! Least squares is the centre: [`rows`] reduces tall problems to a triangle, [`lsq`] minimises nonlinear ones with
 //! bounds. Around it stand what noisy records need ([`spectrum`], [`whiten`], [`stats`], [`regression`]),
-//! interpolation ([`spline`]), bracketed roots ([`root`]) and a reproducible random sequence ([`rng`]).
+//! interpolation ([`spline`]), bracketed roots ([`root`]), a Runge-Kutta method as data ([`tableau`]) and a reproducible
+//! random sequence ([`rng`]).
 
 pub mod lsq;
 pub mod regression;
@@ -12,4 +13,5 @@ pub mod rows;
 pub mod spectrum;
 pub mod spline;
 pub mod stats;
+pub mod tableau;
 pub mod whiten;

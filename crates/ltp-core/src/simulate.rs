@@ -1,6 +1,6 @@
 //! From a system to a [`Trajectory`]: fixed-step Dormand-Prince 5(4) through events, with exact sensitivities.
 //!
-//! Read in order: [`tableau`] (the method as data), [`inputs`], `step` (one step and its derivative), `locate` (when a
+//! Read in order: [`crate::numeric::tableau`] (the method as data), [`inputs`], `step` (one step and its derivative), `locate` (when a
 //! guard crosses), `saltation` (what an event does to derivatives), [`engine`] (the loop), [`stop`] (how it ends).
 
 pub mod engine;
@@ -9,7 +9,6 @@ mod locate;
 mod saltation;
 mod step;
 pub mod stop;
-pub mod tableau;
 pub mod trajectory;
 
 pub use inputs::{Hold, Inputs};

@@ -2,9 +2,10 @@
 //!
 //! Read in order: [`error`] (how failures arrive), [`door`] (how work is done without holding the interpreter),
 //! [`array`] (how numbers cross), [`interrupt`] (how a simulation is stopped), then the nouns [`model`], [`recording`] and
-//! [`trajectory`], and the verb [`simulate`].
+//! [`trajectory`], and the verbs [`simulate`] and [`diagnose`].
 
 mod array;
+mod diagnose;
 mod door;
 mod error;
 mod interrupt;
@@ -16,6 +17,8 @@ mod trajectory;
 /// The compiled half of the package `ltp`; use the names of `ltp` instead.
 #[pyo3::pymodule(gil_used = false)]
 mod _ltp {
+    #[pymodule_export]
+    use crate::diagnose::{Diagnosis, diagnose};
     #[pymodule_export]
     use crate::error::{ConvergenceError, InputError};
     #[pymodule_export]

@@ -18,6 +18,9 @@ const EVEN: f64 = 1e-6;
 /// Steps between two samples beyond which a step length must be a slip of the pen.
 const MOST_SUBSTEPS: f64 = 1e9;
 
+/// Values by name, in the order given.
+type Named<T> = Vec<(String, T)>;
+
 /// Simulates a model on the evenly spaced times `t` (n,), s, from its initial state at `t[0]`.
 ///
 /// An input is an array of samples (n,) at these times, held in between as `hold` says, or an expression of `t`.
@@ -35,7 +38,7 @@ pub fn simulate(
     initial_mode: Option<&str>,
 ) -> PyResult<Trajectory> {
     let t = array::vector("t", t)?;
-    let (mut expressions, mut samples): (Vec<(String, String)>, Vec<(String, Vec<f64>)>) = Default::default();
+    let (mut expressions, mut samples): (Named<String>, Named<Vec<f64>>) = Default::default();
     for (name, value) in inputs.items()?.extract::<Vec<(String, Bound<'_, PyAny>)>>()? {
         match value.extract() {
             Ok(expression) => expressions.push((name, expression)),
@@ -57,14 +60,24 @@ pub fn simulate(
         let mut plan = grid(&t, step)?;
         plan.initial_state = initial(model, &system, &start)?;
         plan.initial_mode = initial_mode.map(|mode| model.mode(mode)).transpose()?;
-        Ok((sampled(driven.as_ref().unwrap_or(model), samples, hold, &plan)?, plan))
+        Ok((sampled(driven.as_ref().unwrap_or(model), samples, hold_named(hold)?, &plan)?, plan))
     })?;
     let ready = Arc::clone(&system);
-    let run = door::long(py, move |interrupted| {
+    let run = door::long(py, None, move |outside| {
         let parameters = ready.parameters().to_vec();
-        core::simulate(&Interruptible::new(ready, interrupted), &parameters, &inputs, &plan)
+        core::simulate(&Interruptible::new(ready, outside.interrupted), &parameters, &inputs, &plan)
     })?;
     Trajectory::new(py, run, &system, model, &expressions)
+}
+
+/// What inputs do between samples.
+pub fn hold_named(name: &str) -> Result<Hold> {
+    serde_json::from_value(name.into()).map_err(|_| Error::UnknownName {
+        kind: "hold".into(),
+        name: name.into(),
+        nearest: ["first-order", "zero-order", "cubic"].map(String::from).into(),
+        context: "between samples".into(),
+    })
 }
 
 /// The model with expressions in place of inputs.
@@ -87,7 +100,7 @@ fn grid(t: &[f64], step: Option<f64>) -> Result<Plan> {
     }
     let at = |row: usize| t[0] + row as f64 * dt;
     let slack = EVEN * dt + 4.0 * f64::EPSILON * t[n - 1].abs();
-    if let Some(row) = (0..n).find(|&row| !((t[row] - at(row)).abs() <= slack)) {
+    if let Some(row) = (0..n).find(|&row| t[row].is_nan() || (t[row] - at(row)).abs() > slack) {
         let expected = format!("{} s, as times increase in even steps, here of {dt} s; np.arange(n)*dt does", at(row));
         return Err(Error::OutOfRange { what: format!("t[{row}]"), found: t[row], expected });
     }
@@ -121,13 +134,7 @@ fn initial(model: &model::Model, system: &Compiled, given: &[(String, f64)]) -> 
 }
 
 /// Inputs through samples; those that are not given take the default of the document.
-fn sampled(model: &model::Model, mut given: Vec<(String, Vec<f64>)>, hold: &str, plan: &Plan) -> Result<Inputs> {
-    let hold: Hold = serde_json::from_value(hold.into()).map_err(|_| Error::UnknownName {
-        kind: "hold".into(),
-        name: hold.into(),
-        nearest: ["first-order", "zero-order", "cubic"].map(String::from).into(),
-        context: "simulate".into(),
-    })?;
+fn sampled(model: &model::Model, mut given: Vec<(String, Vec<f64>)>, hold: Hold, plan: &Plan) -> Result<Inputs> {
     if let Some((name, _)) = given.iter().find(|(name, _)| !model.document().inputs.contains_key(name)) {
         return Err(unknown("input", name, &model.inputs(), model.name()));
     }

@@ -12,6 +12,12 @@ use super::score::Residuals;
 use crate::error::Result;
 use crate::model::{Compiled, Model, System};
 
+/// Relative difference of cost below which two fits ended in the same valley.
+const AGREE: f64 = 1e-3;
+
+/// Share of an effect's action on the outputs that nothing else can imitate, below which it is another parameter's.
+const IMITATED: f64 = 1e-4;
+
 /// What the fits of all candidates share.
 pub struct Bench<'a> {
     /// Nominal model.
@@ -46,7 +52,7 @@ pub struct Trial {
     pub test_x0: Vec<Vec<f64>>,
     /// Residuals of train and held-out records.
     pub residuals: Residuals,
-    /// Nominal parameters whose change the effect cannot be told from.
+    /// Whether nominal parameters can do the same, so that it cannot be told from them.
     pub imitated: bool,
 }
 
@@ -144,11 +150,24 @@ fn trial(
             best = Some(f);
         }
     };
-    for start in starts {
-        keep(homotopy(&subject, bench.train, start, bench.train_start, &[]));
-        for tie in ties {
+    // Free from the first start and tied from it: two different ways down. Where both end in one valley there is no need to
+    // look for others; where they differ, every start and every tie is tried and the lowest free-run cost is kept.
+    let run = |start: &Point, tie: &[Vec<Vec<f64>>]| homotopy(&subject, bench.train, start, bench.train_start, tie);
+    let middle = ties.len() / 2;
+    let first = run(&starts[0], &[]);
+    let tied = ties.get(middle).and_then(|tie| run(&starts[0], tie));
+    let agree = matches!((&first, &tied), (Some(a), Some(b)) if a.converged && b.converged && (a.cost - b.cost).abs() <= AGREE * a.cost.min(b.cost));
+    keep(first);
+    keep(tied);
+    for (k, start) in starts.iter().enumerate().filter(|_| !agree) {
+        for (n, tie) in ties.iter().enumerate().filter(|(n, _)| k > 0 || *n != middle) {
             bench.train.control.check()?;
-            keep(homotopy(&subject, bench.train, start, bench.train_start, tie));
+            if k == 0 || n == middle {
+                keep(run(start, tie));
+            }
+        }
+        if k > 0 {
+            keep(run(start, &[]));
         }
     }
     bench.train.control.check()?;
@@ -157,11 +176,7 @@ fn trial(
     let p = full(&system, &fit.point.theta);
     let residuals = Residuals::of(&system, &p, (bench.train, &fit.point.x0), (bench.test, &test_x0));
     let own = |i: &usize| model.parameters()[*i].effect.is_some();
-    let imitated = effect.is_some()
-        && distinct(&subject, bench.train, &fit.point).is_some_and(|d| {
-            system.free().iter().zip(&d).filter(|(i, _)| own(i)).all(|(_, share)| *share < 1e-4)
-        });
-    Ok(Some(Trial { effect, model, system, priors, fit, test_x0, residuals, imitated }))
+    Ok(Some(Trial { effect, model, system, priors, fit, test_x0, residuals, imitated: false }))
 }
 
 /// Initial states of the held-out records under fixed parameters.
@@ -328,8 +343,23 @@ fn one(
         starts.push(Point { theta: join(&stated), x0: bench.train_start.to_vec() });
         starts.push(Point { theta: join(&nominal.fit.point.theta), x0: nominal.fit.point.x0.clone() });
     }
-    let ties = if simpler.is_some() { &[] } else { bench.train_ties };
-    trial(bench, Some((name.to_string(), guess.port.clone())), model, system, priors, &starts, ties)
+    // What nominal parameters can do as well needs no search: one rough fit shows its row in the table. The question is
+    // asked where the effect is still absent: later the scale of all forces together could imitate it.
+    let absent = |k: usize| effect.parameters.get_index(k).is_some_and(|(_, p)| p.shape.is_empty());
+    let zero: Vec<f64> = (0..effect.parameters.len()).map(|k| if absent(k) { 0.0 } else { priors[n_nominal + k].scale }).collect();
+    let without = Point { theta: [nominal.fit.point.theta.as_slice(), &zero].concat(), x0: nominal.fit.point.x0.clone() };
+    let subject = Subject { system: &system, priors: &priors, moves: true };
+    let hopeless = effect.extends.is_none()
+        && distinct(&subject, bench.train, &without).is_some_and(|d| {
+            (0..zero.len()).filter(|k| absent(*k)).all(|k| d[n_nominal + k] < IMITATED)
+        });
+    if hopeless {
+        starts.drain(..starts.len() - 1);
+    }
+    let ties = if hopeless || simpler.is_some() { &[] } else { bench.train_ties };
+    let label = Some((name.to_string(), guess.port.clone()));
+    let found = trial(bench, label, model, system, priors, &starts, ties)?;
+    Ok(found.map(|t| Trial { imitated: hopeless, ..t }))
 }
 
 /// The simpler member of a family once more, from where the richer one ended.

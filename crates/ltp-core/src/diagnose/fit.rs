@@ -22,6 +22,29 @@ pub struct Prior {
     pub scale: f64,
 }
 
+impl Prior {
+    /// Whether the number is fitted by its logarithm: positive beyond doubt. The scale that masses, dampings and gains
+    /// share, which no free motion can reveal, is then a straight valley along which the priors decide.
+    fn by_logarithm(&self) -> bool {
+        self.bounds.0 >= 0.0 && self.sd.is_finite() && self.mean > 3.0 * self.sd
+    }
+
+    /// From the number to what is fitted.
+    fn inward(&self, v: f64) -> f64 {
+        if self.by_logarithm() { v.max(1e-9 * self.mean).ln() } else { v }
+    }
+
+    /// From what is fitted to the number.
+    fn outward(&self, z: f64) -> f64 {
+        if self.by_logarithm() { z.exp() } else { z }
+    }
+
+    /// Derivative of the number by what is fitted, at a value of the number.
+    fn slope(&self, v: f64) -> f64 {
+        if self.by_logarithm() { v } else { 1.0 }
+    }
+}
+
 /// What all fits of one diagnosis share.
 #[derive(Clone, Copy)]
 pub struct Ground<'a> {
@@ -82,12 +105,17 @@ impl Problem<'_> {
         if self.subject.moves { self.subject.priors.len() } else { 0 }
     }
 
+    /// The free parameters behind the fitted numbers.
+    fn numbers(&self, z: &[f64]) -> Vec<f64> {
+        self.subject.priors.iter().zip(&z[..self.parameters()]).map(|(p, z)| p.outward(*z)).collect()
+    }
+
     fn unpack(&self, z: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let system = self.subject.system;
         let mut p = system.parameters().to_vec();
-        let moved = if self.subject.moves { &z[..self.parameters()] } else { self.fixed };
+        let moved = if self.subject.moves { self.numbers(z) } else { self.fixed.to_vec() };
         for (&i, v) in system.free().iter().zip(moved) {
-            p[i] = *v;
+            p[i] = v;
         }
         let nx = system.states();
         (p, z[self.parameters()..].chunks(nx).map(<[f64]>::to_vec).collect())
@@ -106,6 +134,8 @@ impl LeastSquares for Problem<'_> {
         let ns = nx + nf;
         let sigma = self.ground.sigma;
         let wants = rows.is_some();
+        let theta = self.numbers(z);
+        let slope: Vec<f64> = self.subject.priors.iter().zip(&theta).map(|(p, v)| p.slope(*v)).collect();
         let mut cost = 0.0;
         let mut row = vec![0.0; z.len()];
         for (r, experiment) in self.ground.experiments.iter().enumerate() {
@@ -128,8 +158,8 @@ impl LeastSquares for Problem<'_> {
                     for (to, from) in row[first..first + nx].iter_mut().zip(d) {
                         *to = from / sigma[j];
                     }
-                    for (to, from) in row[..np].iter_mut().zip(&d[nx..]) {
-                        *to = from / sigma[j];
+                    for ((to, from), slope) in row[..np].iter_mut().zip(&d[nx..]).zip(&slope) {
+                        *to = from * slope / sigma[j];
                     }
                     if row.iter().any(|v| !v.is_finite()) {
                         cost = f64::NAN;
@@ -141,9 +171,9 @@ impl LeastSquares for Problem<'_> {
             .ok()?;
         }
         row.fill(0.0);
-        let mut prior = |i: usize, value: f64, mean: f64, sd: f64| {
+        let mut prior = |i: usize, value: f64, slope: f64, mean: f64, sd: f64| {
             if sd.is_finite() {
-                row[i] = 1.0 / sd;
+                row[i] = slope / sd;
                 cost += ((value - mean) / sd).powi(2);
                 if let Some(rows) = rows.as_deref_mut() {
                     rows.push(&row, (value - mean) / sd);
@@ -152,12 +182,12 @@ impl LeastSquares for Problem<'_> {
             }
         };
         for (i, p) in self.subject.priors.iter().enumerate().take(np) {
-            prior(i, z[i], p.mean, p.sd);
+            prior(i, theta[i], slope[i], p.mean, p.sd);
         }
         for (r, mean) in self.prior_x0.iter().enumerate() {
             for i in 0..nx {
                 let at = np + r * nx + i;
-                prior(at, z[at], mean[i], self.ground.state_scale[i]);
+                prior(at, z[at], 1.0, mean[i], self.ground.state_scale[i]);
             }
         }
         cost.is_finite().then_some(cost)
@@ -176,7 +206,7 @@ pub struct Effort {
 /// Rough: enough to follow the recording from a poor start.
 pub const ROUGH: Effort = Effort { iterations: 8, ftol: 1e-3 };
 /// Fine: as far as the data go.
-pub const FINE: Effort = Effort { iterations: 40, ftol: 1e-8 };
+pub const FINE: Effort = Effort { iterations: 60, ftol: 1e-8 };
 
 /// One stage of a fit from a point; with `observers`, runs are tied to the recordings.
 pub fn stage(
@@ -190,14 +220,15 @@ pub fn stage(
     let nx = subject.system.states();
     let mut problem = Problem { subject, ground, prior_x0, fixed: &from.theta, observers };
     let np = problem.parameters();
-    let mut z: Vec<f64> = from.theta[..np].to_vec();
+    let mut z: Vec<f64> = subject.priors.iter().zip(&from.theta).take(np).map(|(p, v)| p.inward(*v)).collect();
     z.extend(from.x0.iter().flatten());
     let mut settings = lsq::Settings::new(z.len());
     settings.max_iterations = effort.iterations;
     settings.ftol = effort.ftol;
     for (i, p) in subject.priors.iter().enumerate().take(np) {
-        (settings.lower[i], settings.upper[i]) = p.bounds;
-        settings.scale[i] = p.scale;
+        settings.lower[i] = if p.by_logarithm() { p.inward(p.bounds.0) } else { p.bounds.0 };
+        settings.upper[i] = p.inward(p.bounds.1);
+        settings.scale[i] = p.scale / p.slope(p.mean).abs();
     }
     for i in np..z.len() {
         settings.scale[i] = ground.state_scale[(i - np) % nx];
@@ -207,8 +238,8 @@ pub fn stage(
         return None;
     }
     let x0 = fit.x[np..].chunks(nx).map(<[f64]>::to_vec).collect();
-    let theta = if subject.moves { fit.x[..np].to_vec() } else { from.theta.clone() };
-    let sd = (0..np).map(|i| fit.sd(i)).collect();
+    let theta = if subject.moves { problem.numbers(&fit.x) } else { from.theta.clone() };
+    let sd = (0..np).map(|i| fit.sd(i) * subject.priors[i].slope(theta[i])).collect();
     Some(Fitted { point: Point { theta, x0 }, cost: fit.cost, sd, converged: fit.converged })
 }
 
@@ -255,6 +286,12 @@ pub fn distinct(subject: &Subject<'_>, ground: Ground<'_>, at: &Point) -> Option
                 *to = r[(i, c)] / norms[c];
             }
             last.push(&row, r[(i, j)] / norms[j]);
+        }
+        // A touch of ridge: others that are collinear among themselves must not count as one dimension more.
+        for c in 0..others.len() {
+            row.fill(0.0);
+            row[c] = 1e-7;
+            last.push(&row, 0.0);
         }
         last.residual_sum_squares().max(0.0).sqrt()
     };

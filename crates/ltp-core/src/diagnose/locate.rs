@@ -15,6 +15,8 @@ use crate::numeric::{regression, stats};
 
 /// Shifts of the permutation test; the smallest p-value is one over this plus one.
 const SHIFTS: usize = 199;
+/// Speed below which a port counts as at rest, relative to its rms speed.
+const REST: f64 = 0.05;
 /// Samples kept for the regression.
 const KEPT: usize = 2000;
 
@@ -42,6 +44,7 @@ pub fn at_port(
 ) -> Result<Option<(f64, f64, Vec<Force>)>> {
     let probe = with_unknown_forces(model, &[port])?;
     let system = probe.compile_for(Vec::new(), Backend::Native);
+    let sensed = probe.compile_for(model.uncertain(), Backend::Native);
     let nx = system.states();
     let reach = reach(&system, p, train, scene);
     let run = |intensity: f64, smooth: bool| -> Result<Option<(f64, Vec<Force>)>> {
@@ -67,7 +70,7 @@ pub fn at_port(
             let Ok(f) = filter.forward() else { return Ok(None) };
             total += f.log_likelihood;
             if smooth {
-                forces.push(force(&probe, &system, p, port, e, &f.smooth())?);
+                forces.push(force(&probe, &sensed, p, port, e, &f.smooth())?);
             }
         }
         Ok(Some((total, forces)))
@@ -107,7 +110,7 @@ fn reach(system: &dyn System, p: &[f64], train: &[Experiment], scene: &Scene) ->
     if r.is_finite() { r } else { 1.0 }
 }
 
-/// The smoothed force with position and velocity of its port.
+/// The smoothed force with position and velocity of its port, and the forces that nominal parameters could imitate.
 fn force(
     probe: &Model,
     system: &dyn System,
@@ -121,6 +124,11 @@ fn force(
     let mut u = vec![0.0; system.inputs()];
     let mut out = Force { record: e.name.clone(), at: port.to_string(), ..Force::default() };
     let mut pv = [0.0; 2];
+    let nf = system.free().len();
+    let mut flow = vec![0.0; nx + nx * nx + nx * nf];
+    out.imitable = vec![Vec::new(); nf];
+    let mode = system.initial_mode();
+    let mut x = vec![0.0; nx];
     for k in 0..e.len() {
         let t = e.t0 + k as f64 * e.dt;
         e.inputs.eval(e.inputs.interval(t + 1e-6 * e.dt), t, &mut u);
@@ -130,6 +138,17 @@ fn force(
         out.velocity.push(pv[1]);
         out.force.push(s.x[(k + 1) * nx - 1]);
         out.sd.push(s.sd[(k + 1) * nx - 1]);
+        // A parameter's change moves the rates; what of that lies along the port's action is a force there. The missing
+        // force itself stays out: with it, the common scale of all forces would be a parameter that explains anything.
+        x.copy_from_slice(&s.x[k * nx..(k + 1) * nx]);
+        x[nx - 1] = 0.0;
+        system.flow_jacobian(mode, Point { t, x: &x, u: &u, p }, &mut flow);
+        let action = |i: usize| flow[nx + i * nx + nx - 1];
+        let own: f64 = (0..nx).map(|i| action(i).powi(2)).sum();
+        for (c, column) in out.imitable.iter_mut().enumerate() {
+            let along: f64 = (0..nx).map(|i| action(i) * flow[nx + nx * nx + i * nf + c]).sum();
+            column.push(if own > 0.0 { along / own } else { 0.0 });
+        }
     }
     Ok(out)
 }
@@ -148,8 +167,10 @@ pub fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
         x.iter().map(|x| x / s).collect()
     };
     let (q, v) = (scaled(&q), scaled(&v));
+    // At rest dry friction takes whatever value holds: those samples say nothing about the law.
+    let w: Vec<f64> = w.iter().zip(&v).map(|(w, v)| if v.abs() < REST { f64::NAN } else { *w }).collect();
     let power = |x: &[f64], n: i32| -> Vec<f64> { x.iter().map(|x| x.powi(n)).collect() };
-    let sign: Vec<f64> = v.iter().map(|v| if v.abs() < 1e-3 { 0.0 } else { v.signum() }).collect();
+    let sign: Vec<f64> = v.iter().map(|v| v.signum()).collect();
     let drag: Vec<f64> = v.iter().map(|v| v * v.abs()).collect();
     let (first, last) = (t.iter().copied().fold(f64::INFINITY, f64::min), t.iter().copied().fold(0.0, f64::max));
     let drift: Vec<Vec<f64>> = match BSplines::new(first, last.max(first + 1e-9), 3) {
@@ -159,12 +180,16 @@ pub fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
         }
         Err(_) => Vec::new(),
     };
-    // What free nominal parameters could still explain: a linear spring and damper at the port.
-    let base = vec![q.clone(), v.clone()];
+    // What nominal parameters could still explain.
+    let free = forces.first().map_or(0, |f| f.imitable.len());
+    let base: Vec<Vec<f64>> = (0..free)
+        .map(|c| scaled(&pick(&|f| &f.imitable[c])))
+        .filter(|column| stats::std(column.iter().copied()) > 1e-9)
+        .collect();
     let groups: [(&'static str, Vec<Vec<f64>>); 4] = [
         ("sign of velocity", vec![sign]),
-        ("velocity", vec![drag, power(&v, 3)]),
-        ("position", vec![power(&q, 2), power(&q, 3)]),
+        ("velocity", vec![v.clone(), drag, power(&v, 3)]),
+        ("position", vec![q.clone(), power(&q, 2), power(&q, 3)]),
         ("time", drift),
     ];
     let own = regression::explained(&w, &base, 5).max(0.0);

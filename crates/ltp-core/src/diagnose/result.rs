@@ -238,4 +238,6 @@ pub struct Force {
     pub force: Vec<f64>,
     /// One standard deviation.
     pub sd: Vec<f64>,
+    /// Force that a unit change of each uncertain nominal parameter would look like.
+    pub imitable: Vec<Vec<f64>>,
 }

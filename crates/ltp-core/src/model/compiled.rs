@@ -7,6 +7,7 @@ use super::document::Direction;
 use super::friction::{Contact, Forces, Product, forces};
 use super::graph::{Graph, Id, Symbol};
 use super::program::{Backend, Program};
+use super::stepper::Stepper;
 use super::system::{Guard, Point, Schedule, System};
 
 /// Speed below which a dry element counts as at rest when a state is set from outside, in units of its port.
@@ -22,6 +23,8 @@ pub struct Compiled {
     backend: Backend,
     modes: Vec<OnceLock<ModeValues>>,
     jacobians: Vec<OnceLock<ModeJacobians>>,
+    event_jacobians: Vec<OnceLock<EventJacobians>>,
+    steppers: Vec<OnceLock<Option<Stepper>>>,
     ticks: Vec<Vec<Program>>,
     tick_jacobians: Vec<Vec<Program>>,
     schedule: Program,
@@ -32,6 +35,8 @@ struct ModeValues {
     flow: Program,
     output: Program,
     guard: Program,
+    /// Rates of the guards along the flow; the inputs are followed by their own rates.
+    guard_rate: Program,
     guards: Vec<Guard>,
     kind: Vec<Kind>,
     when: Vec<Option<Program>>,
@@ -44,6 +49,10 @@ struct ModeValues {
 struct ModeJacobians {
     flow: Program,
     output: Program,
+}
+
+/// Programs that give derivatives of the events of one mode: evaluated once per event, so not worth machine code.
+struct EventJacobians {
     guard: Vec<Program>,
     reset: Vec<Program>,
 }
@@ -79,7 +88,8 @@ impl Compiled {
         for t in &assembly.ticks {
             let value: Vec<&[Id]> = t.update.iter().map(Vec::as_slice).collect();
             ticks.push(Program::compile(&graph, &value, backend));
-            let full: Vec<Vec<Id>> = t.update.iter().map(|u| all_slopes(&mut graph, u, u.len(), &free, inputs)).collect();
+            let full: Vec<Vec<Id>> =
+                t.update.iter().map(|u| all_slopes(&mut graph, u, u.len(), &free, inputs)).collect();
             let full: Vec<&[Id]> = full.iter().map(Vec::as_slice).collect();
             tick_jacobians.push(Program::compile(&graph, &full, backend));
         }
@@ -93,6 +103,8 @@ impl Compiled {
             backend,
             modes: (0..n).map(|_| OnceLock::new()).collect(),
             jacobians: (0..n).map(|_| OnceLock::new()).collect(),
+            event_jacobians: (0..n).map(|_| OnceLock::new()).collect(),
+            steppers: (0..n).map(|_| OnceLock::new()).collect(),
             ticks,
             tick_jacobians,
             schedule,
@@ -110,6 +122,7 @@ impl Compiled {
             let mode = self.product.join(base, &vec![Contact::Forward; self.product.elements]);
             self.mode(mode);
             self.jacobian(mode);
+            self.event_jacobian(mode);
         }
     }
 
@@ -155,15 +168,18 @@ impl Compiled {
 
     fn mode(&self, mode: usize) -> &ModeValues {
         self.modes[mode].get_or_init(|| {
-            let e = self.expressions(mode);
+            let mut e = self.expressions(mode);
             let guard: Vec<Id> = e.guards.iter().map(|g| g.2).collect();
-            let mut programs = Program::compile(&e.graph, &[&e.flow, &e.output, &guard], self.backend).into_iter();
+            let rate = along_flow(&mut e.graph, &guard, &e.flow, self.inputs);
+            let mut programs =
+                Program::compile(&e.graph, &[&e.flow, &e.output, &guard, &rate], self.backend).into_iter();
             let mut next = || programs.next().expect("as many programs as groups");
             let dry: Vec<Id> = e.dry.phi.iter().chain(&e.dry.level).chain(&e.dry.velocity).copied().collect();
             ModeValues {
                 flow: next(),
                 output: next(),
                 guard: next(),
+                guard_rate: next(),
                 when: e.guards.iter().map(|g| g.3.map(|w| Program::plain(&e.graph, &[w]))).collect(),
                 reset: e.guards.iter().map(|g| Program::plain(&e.graph, &g.4)).collect(),
                 dry: Program::plain(&e.graph, &dry),
@@ -176,38 +192,37 @@ impl Compiled {
     fn jacobian(&self, mode: usize) -> &ModeJacobians {
         self.jacobians[mode].get_or_init(|| {
             let mut e = self.expressions(mode);
-            let n = self.states();
-            let flow = slopes(&mut e.graph, &e.flow, n, &self.free);
-            let output = slopes(&mut e.graph, &e.output, n, &self.free);
-            let (mut guard, mut reset) = (Vec::new(), Vec::new());
-            for g in &e.guards {
-                guard.push(all_slopes(&mut e.graph, &[g.2], n, &self.free, self.inputs));
-                reset.push(all_slopes(&mut e.graph, &g.4, n, &self.free, self.inputs));
-            }
+            let flow = slopes(&mut e.graph, &e.flow, self.states(), &self.free);
+            let output = slopes(&mut e.graph, &e.output, self.states(), &self.free);
             let mut programs = Program::compile(&e.graph, &[&flow, &output], self.backend).into_iter();
             let mut next = || programs.next().expect("as many programs as groups");
-            ModeJacobians {
-                flow: next(),
-                output: next(),
-                guard: guard.iter().map(|ids| Program::plain(&e.graph, ids)).collect(),
-                reset: reset.iter().map(|ids| Program::plain(&e.graph, ids)).collect(),
-            }
+            ModeJacobians { flow: next(), output: next() }
         })
     }
 
-    /// Chooses slip or stick for every element at a state: `resting` elements try to hold, the others follow their velocity.
-    fn resolve(&self, base: usize, resting: &[bool], at: Point<'_>) -> usize {
+    fn event_jacobian(&self, mode: usize) -> &EventJacobians {
+        self.event_jacobians[mode].get_or_init(|| {
+            let mut e = self.expressions(mode);
+            let (mut guard, mut reset) = (Vec::new(), Vec::new());
+            for g in &e.guards {
+                let all = |e: &mut Graph, ids: &[Id]| all_slopes(e, ids, self.states(), &self.free, self.inputs);
+                let (of_guard, of_reset) = (all(&mut e.graph, &[g.2]), all(&mut e.graph, &g.4));
+                guard.push(Program::plain(&e.graph, &of_guard));
+                reset.push(Program::plain(&e.graph, &of_reset));
+            }
+            EventJacobians { guard, reset }
+        })
+    }
+
+    /// Chooses slip or stick for every element at a state: those at rest try to hold, the others follow their velocity.
+    fn choose(&self, base: usize, at: Point<'_>) -> Vec<Contact> {
         let n = self.product.elements;
         let mut contacts = vec![Contact::Forward; n];
-        if n == 0 {
-            return base;
-        }
         let mut dry = vec![0.0; 3 * n];
-        let active = &self.product.active[base];
         self.mode(self.product.join(base, &contacts)).dry.eval(at, &mut dry);
-        for i in (0..n).filter(|&i| active[i]) {
+        for (i, c) in contacts.iter_mut().enumerate().filter(|(i, _)| self.product.active[base][*i]) {
             let v = dry[2 * n + i];
-            contacts[i] = if resting[i] || v.abs() <= REST {
+            *c = if v.abs() <= REST {
                 Contact::Stick
             } else if v > 0.0 {
                 Contact::Forward
@@ -215,16 +230,42 @@ impl Compiled {
                 Contact::Backward
             };
         }
-        for _ in 0..n {
+        contacts
+    }
+
+    /// The combined mode, after every holding element that is overcome has let go.
+    fn release(&self, base: usize, mut contacts: Vec<Contact>, at: Point<'_>) -> usize {
+        let n = self.product.elements;
+        let mut dry = vec![0.0; 3 * n];
+        while contacts.contains(&Contact::Stick) {
             self.mode(self.product.join(base, &contacts)).dry.eval(at, &mut dry);
-            let breaks = |i: &usize| contacts[*i] == Contact::Stick && dry[*i].abs() > dry[n + *i];
-            // The one that is overcome most goes first: it may relieve the others.
             let excess = |i: &usize| dry[*i].abs() - dry[n + *i];
-            let Some(i) = (0..n).filter(breaks).max_by(|a, b| excess(a).total_cmp(&excess(b))) else { break };
+            let held = (0..n).filter(|&i| contacts[i] == Contact::Stick && excess(&i) > 0.0);
+            // The one that is overcome most goes first: it may relieve the others.
+            let Some(i) = held.max_by(|a, b| excess(a).total_cmp(&excess(b))) else { break };
             contacts[i] = if dry[i] > 0.0 { Contact::Backward } else { Contact::Forward };
         }
         self.product.join(base, &contacts)
     }
+}
+
+/// Rates of expressions along the flow, the rate of input `j` standing behind the inputs as input `nu + j`.
+fn along_flow(g: &mut Graph, values: &[Id], flow: &[Id], nu: usize) -> Vec<Id> {
+    let mut rates = g.derivative(values, Symbol::Time);
+    let mut add = |g: &mut Graph, by: Symbol, rate: Id| {
+        for (sum, slope) in rates.iter_mut().zip(g.derivative(values, by)) {
+            let term = g.mul(slope, rate);
+            *sum = g.add(*sum, term);
+        }
+    };
+    for (i, &rate) in flow.iter().enumerate() {
+        add(g, Symbol::State(i), rate);
+    }
+    for j in 0..nu {
+        let rate = g.leaf(Symbol::Input(nu + j));
+        add(g, Symbol::Input(j), rate);
+    }
+    rates
 }
 
 /// Values, derivatives by state, derivatives by free parameter.
@@ -303,8 +344,24 @@ impl System for Compiled {
     fn guard_values(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
         self.mode(mode).guard.eval(at, out);
     }
+    fn guard_rates(&self, mode: usize, at: Point<'_>, u_rate: &[f64], out: &mut [f64]) {
+        if u_rate.is_empty() {
+            return self.mode(mode).guard_rate.eval(at, out);
+        }
+        let u = [at.u, u_rate].concat();
+        self.mode(mode).guard_rate.eval(Point { u: &u, ..at }, out);
+    }
+    fn stepper(&self, mode: usize) -> Option<&Stepper> {
+        self.steppers[mode]
+            .get_or_init(|| {
+                let mut e = self.expressions(mode);
+                let guards: Vec<Id> = e.guards.iter().map(|g| g.2).collect();
+                Stepper::compile(&mut e.graph, &e.flow, &guards, self.inputs, self.backend)
+            })
+            .as_ref()
+    }
     fn guard_jacobian(&self, mode: usize, guard: usize, at: Point<'_>, out: &mut [f64]) {
-        self.jacobian(mode).guard[guard].eval(at, out);
+        self.event_jacobian(mode).guard[guard].eval(at, out);
     }
     fn fires(&self, mode: usize, guard: usize, at: Point<'_>) -> bool {
         self.mode(mode).when[guard].as_ref().is_none_or(|w| {
@@ -317,26 +374,23 @@ impl System for Compiled {
         self.mode(mode).reset[guard].eval(at, after);
     }
     fn reset_jacobian(&self, mode: usize, guard: usize, at: Point<'_>, out: &mut [f64]) {
-        self.jacobian(mode).reset[guard].eval(at, out);
+        self.event_jacobian(mode).reset[guard].eval(at, out);
     }
     fn target(&self, mode: usize, guard: usize, at: Point<'_>) -> usize {
         let (base, mut contacts) = self.product.split(mode);
-        let mut resting: Vec<bool> = contacts.iter().map(|c| *c == Contact::Stick).collect();
         match self.mode(mode).kind[guard] {
-            Kind::Event(k) => self.settle(self.product.join(self.assembly.events[k].to, &contacts), at),
-            Kind::Rest(i) => {
-                resting[i] = true;
-                self.resolve(base, &resting, at)
-            }
-            Kind::Break(i, to) => {
-                contacts[i] = to;
-                self.product.join(base, &contacts)
-            }
+            Kind::Event(k) => return self.settle(self.product.join(self.assembly.events[k].to, &contacts), at),
+            Kind::Rest(i) => contacts[i] = Contact::Stick,
+            Kind::Break(i, to) => contacts[i] = to,
         }
+        self.release(base, contacts, at)
     }
     fn settle(&self, mode: usize, at: Point<'_>) -> usize {
+        if self.product.elements == 0 {
+            return mode;
+        }
         let (base, _) = self.product.split(mode);
-        self.resolve(base, &vec![false; self.product.elements], at)
+        self.release(base, self.choose(base, at), at)
     }
     fn ticks(&self, p: &[f64]) -> Vec<Schedule> {
         let mut v = vec![0.0; self.schedule.len()];

@@ -146,3 +146,43 @@ fn along(g: &mut Graph, v: Id, rates: &[Id]) -> Id {
     }
     sum
 }
+
+/// The parts of a model with dry friction, separated: for integrators that treat friction in their own way.
+pub struct Parts {
+    /// Rates without dry friction (nx).
+    pub flow: super::program::Program,
+    /// Change of the rates per unit of each friction force (elements, nx).
+    pub action: super::program::Program,
+    /// Velocity of each element, its level, and the change of its velocity's rate per unit of its own force.
+    pub element: super::program::Program,
+    /// Measured quantities.
+    pub output: super::program::Program,
+    /// Number of dry elements.
+    pub elements: usize,
+}
+
+/// Separates friction from the smooth rest in a mode of the document, for the plain evaluator.
+pub fn parts(a: &Assembly, base: usize) -> Parts {
+    let mut g = a.graph.clone();
+    let mode = &a.modes[base];
+    let zero = g.constant(0.0);
+    let without = |g: &mut Graph, ids: &[Id]| g.substitute(ids, |s| matches!(s, Symbol::Dry(_)).then_some(zero));
+    let flow = without(&mut g, &mode.flow);
+    let output = without(&mut g, &mode.outputs);
+    let elements = a.dry_ports.len();
+    let (mut action, mut element) = (Vec::new(), Vec::new());
+    for (i, &port) in a.dry_ports.iter().enumerate() {
+        let slope = g.derivative(&mode.flow, Symbol::Dry(i));
+        let velocity = mode.ports[port].1;
+        element.extend([velocity, mode.dry_level[i], along(&mut g, velocity, &slope)]);
+        action.extend(slope);
+    }
+    let plain = super::program::Program::plain;
+    Parts {
+        flow: plain(&g, &flow),
+        action: plain(&g, &action),
+        element: plain(&g, &element),
+        output: plain(&g, &output),
+        elements,
+    }
+}

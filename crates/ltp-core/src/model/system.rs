@@ -11,6 +11,8 @@
 //!
 //! `nf` counts the *free* parameters, those that derivatives are taken for; `p` always holds all of them.
 
+use super::stepper::Stepper;
+
 pub use super::document::Direction;
 pub use super::tape::Point;
 
@@ -76,8 +78,37 @@ pub trait System: Send + Sync {
     }
     /// Values of the guards of a mode.
     fn guard_values(&self, _mode: usize, _at: Point<'_>, _out: &mut [f64]) {}
-    /// One guard with its derivatives.
-    fn guard_jacobian(&self, _mode: usize, _guard: usize, _at: Point<'_>, _out: &mut [f64]) {}
+    /// Rates of the guards of a mode along its flow, `u_rate` being the rates of the inputs; a central difference where
+    /// not written out.
+    fn guard_rates(&self, mode: usize, at: Point<'_>, u_rate: &[f64], out: &mut [f64]) {
+        let mut flow = vec![0.0; at.x.len()];
+        self.flow(mode, at, &mut flow);
+        let mut low = vec![0.0; out.len()];
+        let fastest = flow.iter().zip(at.x).map(|(f, x)| f.abs() / x.abs().max(1e-3)).fold(1.0, f64::max);
+        let h = f64::EPSILON.cbrt() / fastest;
+        let shifted = |s: f64, out: &mut [f64]| {
+            let moved = |v: &[f64], r: &[f64]| -> Vec<f64> { v.iter().zip(r).map(|(v, r)| v + s * r).collect() };
+            let (x, u) = (moved(at.x, &flow), moved(at.u, u_rate));
+            self.guard_values(mode, Point { t: at.t + s, x: &x, u: &u, p: at.p }, out);
+        };
+        shifted(h, out);
+        shifted(-h, &mut low);
+        for (o, l) in out.iter_mut().zip(low) {
+            *o = (*o - l) / (2.0 * h);
+        }
+    }
+    /// One guard with its derivatives; central differences where not written out.
+    fn guard_jacobian(&self, mode: usize, guard: usize, at: Point<'_>, out: &mut [f64]) {
+        let mut all = vec![0.0; self.guards(mode).len()];
+        full_difference(1, at, self.free(), out, &mut |at, v| {
+            self.guard_values(mode, at, &mut all);
+            v[0] = all[guard];
+        });
+    }
+    /// A whole step of the integrator as one program, where the system has one; `None` leaves it to [`System::flow`].
+    fn stepper(&self, _mode: usize) -> Option<&Stepper> {
+        None
+    }
     /// Whether an event fires at a crossing: its additional condition.
     fn fires(&self, _mode: usize, _guard: usize, _at: Point<'_>) -> bool {
         true
@@ -86,9 +117,9 @@ pub trait System: Send + Sync {
     fn reset(&self, _mode: usize, _guard: usize, at: Point<'_>, after: &mut [f64]) {
         after.copy_from_slice(at.x);
     }
-    /// State after an event with its derivatives.
-    fn reset_jacobian(&self, _mode: usize, _guard: usize, at: Point<'_>, out: &mut [f64]) {
-        identity_reset(at.x, out);
+    /// State after an event with its derivatives; central differences where not written out.
+    fn reset_jacobian(&self, mode: usize, guard: usize, at: Point<'_>, out: &mut [f64]) {
+        full_difference(at.x.len(), at, self.free(), out, &mut |at, v| self.reset(mode, guard, at, v));
     }
     /// Mode after an event; `at` holds the state after it.
     fn target(&self, mode: usize, _guard: usize, _at: Point<'_>) -> usize {
@@ -106,30 +137,48 @@ pub trait System: Send + Sync {
     fn tick(&self, _mode: usize, _tick: usize, at: Point<'_>, after: &mut [f64]) {
         after.copy_from_slice(at.x);
     }
-    /// State after a sampled update with its derivatives, laid out as for `reset_jacobian`.
-    fn tick_jacobian(&self, _mode: usize, _tick: usize, at: Point<'_>, out: &mut [f64]) {
-        identity_reset(at.x, out);
+    /// State after a sampled update with its derivatives, laid out as for `reset_jacobian`; central differences where not
+    /// written out.
+    fn tick_jacobian(&self, mode: usize, tick: usize, at: Point<'_>, out: &mut [f64]) {
+        full_difference(at.x.len(), at, self.free(), out, &mut |at, v| self.tick(mode, tick, at, v));
     }
 }
 
-/// Layout of a reset that changes nothing.
-fn identity_reset(x: &[f64], out: &mut [f64]) {
-    let n = x.len();
-    out.fill(0.0);
-    out[..n].copy_from_slice(x);
-    for i in 0..n {
-        out[n + i * n + i] = 1.0;
-    }
-}
-
-/// Central differences in the layout of [`System::flow_jacobian`]: `rows` values, d/dx, d/dp of the free parameters.
-fn difference(
+/// Central differences in the layout of [`System::reset_jacobian`]: as [`difference`], then d/dt and d/du.
+fn full_difference(
     rows: usize,
     at: Point<'_>,
     free: &[usize],
     out: &mut [f64],
     f: &mut dyn FnMut(Point<'_>, &mut [f64]),
 ) {
+    let nu = at.u.len();
+    let (first, last) = out.split_at_mut(rows * (1 + at.x.len() + free.len()));
+    difference(rows, at, free, first, f);
+    let (by_time, by_input) = last.split_at_mut(rows);
+    let (mut high, mut low) = (vec![0.0; rows], vec![0.0; rows]);
+    let h = f64::EPSILON.cbrt() * at.t.abs().max(1e-3);
+    f(Point { t: at.t + h, ..at }, &mut high);
+    f(Point { t: at.t - h, ..at }, &mut low);
+    for i in 0..rows {
+        by_time[i] = (high[i] - low[i]) / (2.0 * h);
+    }
+    let mut u = at.u.to_vec();
+    for j in 0..nu {
+        let h = f64::EPSILON.cbrt() * at.u[j].abs().max(1e-3);
+        u[j] = at.u[j] + h;
+        f(Point { u: &u, ..at }, &mut high);
+        u[j] = at.u[j] - h;
+        f(Point { u: &u, ..at }, &mut low);
+        u[j] = at.u[j];
+        for i in 0..rows {
+            by_input[i * nu + j] = (high[i] - low[i]) / (2.0 * h);
+        }
+    }
+}
+
+/// Central differences in the layout of [`System::flow_jacobian`]: `rows` values, d/dx, d/dp of the free parameters.
+fn difference(rows: usize, at: Point<'_>, free: &[usize], out: &mut [f64], f: &mut dyn FnMut(Point<'_>, &mut [f64])) {
     let (nx, nf) = (at.x.len(), free.len());
     f(at, &mut out[..rows]);
     let (mut high, mut low) = (vec![0.0; rows], vec![0.0; rows]);

@@ -29,7 +29,7 @@ impl Recording {
     /// A recording from times `t` `(n,)` in s, input columns (`nu` of `(n,)`) and output columns (`ny` of `(n,)`).
     ///
     /// A uniform record is kept to the bit. Missing samples (steps that are whole multiples of the sampling step)
-    /// become rows whose outputs are NaN and whose inputs are interpolated; jitter beyond 1e-6 of a step and beyond
+    /// become rows whose outputs are NaN and whose inputs are interpolated; jitter beyond 1e-4 of a step and beyond
     /// the rounding of the written times is resampled onto a uniform grid; times that are a uniform grid but for
     /// their rounding are replaced by that grid. All but the last leave a warning.
     ///

@@ -3,7 +3,7 @@
 //! Clocks of real rigs write rounded times, skip samples and jitter. Three cases are told apart, by the distance of
 //! every time from the nearest point of a fitted grid:
 //!
-//! 1. within 1e-6 of a step, or within the rounding of the digits written: the samples sit on the grid as they are;
+//! 1. within 1e-4 of a step, or within the rounding of the digits written: the samples sit on the grid as they are;
 //! 2. the same, with steps that are whole multiples of the grid step: samples are missing, and their rows become
 //!    gaps;
 //! 3. anything else is jitter: values are interpolated linearly onto a grid, and where the neighbours are more than
@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::numeric::stats::median;
 
 /// Deviation from a grid that is no deviation, relative to the step.
-const UNIFORM: f64 = 1e-6;
+const UNIFORM: f64 = 1e-4;
 /// Neighbours farther apart than this many steps are not interpolated between.
 const BRIDGE: f64 = 1.5;
 /// A grid may have this many times more points than there are samples.

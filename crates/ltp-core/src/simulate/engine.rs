@@ -1,23 +1,25 @@
 //! The engine: fixed steps on a grid, events inside them, ticks between them.
 //!
-//! After an event the next step ends on the grid again, so that samples stay where they were asked for. The engine owns
+//! After an event the next step ends on the grid again, so that samples stay where they were asked for; steps also end where
+//! an input has a sample. The engine owns
 //! the state, the mode, which guards are armed and the sensitivities; [`super::simulate`] and the fits of `diagnose` drive
 //! it from sample to sample.
 
 use super::inputs::Inputs;
-use super::locate::{Crossing, Watch};
+use super::locate::{Crossing, Span, Watch};
 use super::saltation::{self, Sizes};
 use super::step::{Context, Work};
 use super::stop::{Event, Stats, Stop};
-use super::tableau::STAGES;
-use crate::model::{Point, Schedule, System};
+use crate::model::{Point, Schedule, Stepper, System};
 
 /// Events at one instant beyond which the engine calls it chattering.
 const CHATTER: usize = 64;
 /// Remaining time of a geometric sequence of events below which the engine calls it Zeno, s.
 const ZENO: f64 = 1e-9;
-/// A crossing slower than this fraction of the speed the guard's terms would allow is a touch, not a crossing.
-const GRAZING: f64 = 1e-8;
+/// A guard that crosses slower than this fraction of its mean speed over the step touches rather than crosses.
+const GRAZING: f64 = 1e-4;
+/// Steps in one mode after which it is worth compiling the whole step.
+const WORTHWHILE: u64 = 500;
 
 /// What the engine needs to know before it starts.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +45,9 @@ pub struct Engine<'a> {
     x: Vec<f64>,
     s: Vec<f64>,
     mode: usize,
+    stepper: Option<&'a Stepper>,
+    /// Steps so far in each mode.
+    steps_in: Vec<u64>,
     /// Number of the grid point last reached.
     grid: u64,
     first_stage_known: bool,
@@ -85,6 +90,8 @@ impl<'a> Engine<'a> {
             x: x0.to_vec(),
             s,
             mode,
+            stepper: None,
+            steps_in: Vec::new(),
             grid: 0,
             first_stage_known: false,
             recheck: false,
@@ -127,7 +134,7 @@ impl<'a> Engine<'a> {
     pub fn stats(&self) -> Stats {
         let ratio = |(e, l): (&f64, &f64)| if *l > 0.0 { e / l } else { 0.0 };
         let error_estimate = self.error.iter().zip(&self.largest).map(ratio).fold(0.0, f64::max);
-        Stats { error_estimate, ..self.stats }
+        Stats { error_estimate, evaluations: self.work.evaluations, ..self.stats }
     }
 
     /// Input at the present time, as it continues.
@@ -165,7 +172,8 @@ impl<'a> Engine<'a> {
         let sliver = 1e-9 * step;
         while self.grid < target {
             let end = t0 + (self.grid + 1) as f64 * step;
-            let next = self.ticks.iter().map(|(c, k)| c.offset + *k as f64 * c.every).fold(f64::INFINITY, f64::min);
+            let ticks = self.ticks.iter().map(|(c, k)| c.offset + *k as f64 * c.every);
+            let next = ticks.fold(self.inputs.next_knot(self.t + sliver), f64::min);
             if next < end - sliver {
                 self.flow_to(next)?;
             } else {
@@ -211,41 +219,38 @@ impl<'a> Engine<'a> {
             }
         }
         let derivatives = self.settings.derivatives;
-        self.work.stages(c, self.t, h, &self.x, self.first_stage_known, derivatives);
-        self.stats.evaluations += STAGES as u64 - u64::from(self.first_stage_known && !derivatives);
-        if let Some(state) = self.work.x.iter().position(|v| !v.is_finite()) {
+        self.work.step(c, self.t, h, &self.x, self.first_stage_known, derivatives);
+        if let Some(state) = self.work.end().iter().position(|v| !v.is_finite()) {
             return Err(Stop::Escape { time: self.t, mode: self.name(), state });
         }
-        self.work.last_stage(c, end);
-        self.stats.evaluations += 1;
-        match self.watch.crossing(c, &mut self.work, self.t, h, &self.x, &mut self.stats) {
-            None => {
-                self.accept(h, end);
-                std::mem::swap(&mut self.x, &mut self.work.x);
-                let (first, rest) = self.work.k.split_at_mut(1);
-                std::mem::swap(&mut first[0], &mut rest[STAGES - 1]);
-                self.first_stage_known = true;
-                self.watch.advance();
-                Ok(())
-            }
-            Some(Crossing { guard, length, also }) => {
-                self.work.stages(c, self.t, length, &self.x, false, derivatives);
-                self.work.last_stage(c, self.t + length);
-                let to = if length == h { end } else { self.t + length };
-                self.accept(length, to);
-                std::mem::swap(&mut self.x, &mut self.work.x);
-                self.fire(c, guard, Some(&also))
-            }
-        }
+        let span = Span { t: self.t, h, x0: &self.x };
+        let Some(crossing) = self.watch.crossing(c, &mut self.work, span, &mut self.stats) else {
+            self.accept(h, end);
+            self.work.shift();
+            self.first_stage_known = true;
+            self.watch.advance();
+            return Ok(());
+        };
+        let length = crossing.length;
+        self.work.step(c, self.t, length, &self.x, true, derivatives);
+        self.accept(length, if length == h { end } else { self.t + length });
+        self.fire(c, crossing.guard, Some(&crossing))
     }
 
     /// Books a step of length `h`: time, error, sensitivities. The stages are in `work`.
     fn accept(&mut self, h: f64, to: f64) {
         self.t = to;
         self.stats.steps += 1;
-        for n in 0..self.sizes.nx {
-            self.largest[n] = self.largest[n].max(self.work.x[n].abs());
-            self.error[n] = self.error[n].max(self.work.error(n, h).abs());
+        self.x.copy_from_slice(self.work.end());
+        for (largest, x) in self.largest.iter_mut().zip(&self.x) {
+            *largest = largest.max(x.abs());
+        }
+        for (largest, e) in self.error.iter_mut().zip(self.work.error()) {
+            *largest = largest.max(e.abs());
+        }
+        self.steps_in[self.mode] += 1;
+        if self.steps_in[self.mode] == WORTHWHILE && !self.settings.derivatives {
+            self.stepper = self.system.stepper(self.mode);
         }
         if self.settings.derivatives {
             self.work.sensitivities(h, &mut self.s);
@@ -254,67 +259,85 @@ impl<'a> Engine<'a> {
 
     fn context(&self, middle: f64) -> Context<'a> {
         let interval = self.inputs.interval(middle);
-        Context { system: self.system, p: self.p, inputs: self.inputs, mode: self.mode, interval }
+        let Self { system, stepper, p, inputs, mode, .. } = *self;
+        Context { system, stepper, p, inputs, mode, interval }
     }
 
     fn name(&self) -> String {
         self.system.mode_name(self.mode)
     }
 
-    /// Carries out an event at the present time, and the ones that fall together with it. `also` is `None` where the event
-    /// time is fixed by a jump of the input or a tick.
-    fn fire(&mut self, c: Context<'_>, guard: usize, also: Option<&[String]>) -> Result<(), Stop> {
+    /// Carries out an event at the present time, and the ones that fall together with it. There is no `crossing` where the
+    /// event time is fixed by a jump of the input or a tick.
+    fn fire(&mut self, c: Context<'_>, guard: usize, crossing: Option<&Crossing>) -> Result<(), Stop> {
         let info = self.system.guards(self.mode)[guard].clone();
-        self.jump(c, guard, also.is_some())?;
+        self.jump(c, guard, crossing.map(|c| c.approach))?;
         self.zeno(&info.name, info.friction)?;
-        for name in also.unwrap_or_default() {
+        for name in crossing.map_or(&[][..], |c| &c.also) {
             let next = self.system.guards(self.mode).iter().position(|g| g.name == *name);
             let Some(next) = next.filter(|&k| self.watch.at_or_past(k)) else { continue };
-            let c = Context { mode: self.mode, ..c };
-            self.jump(c, next, true)?;
+            self.jump(Context { mode: self.mode, ..c }, next, Some(0.0))?;
         }
         Ok(())
     }
 
-    /// Reset, mode change and saltation of one guard.
-    fn jump(&mut self, c: Context<'_>, guard: usize, moves: bool) -> Result<(), Stop> {
+    /// Reset, mode change and saltation of one guard; `approach` is the mean speed at which it came to zero, where its
+    /// time follows the state.
+    fn jump(&mut self, c: Context<'_>, guard: usize, approach: Option<f64>) -> Result<(), Stop> {
         let (before, t) = (self.mode, self.t);
         let info = self.system.guards(before)[guard].clone();
         let Sizes { nx, nf, nu } = self.sizes;
-        let mut u = vec![0.0; nu];
+        let (mut u, mut u_rate) = (vec![0.0; nu], vec![0.0; nu]);
         self.inputs.eval(c.interval, t, &mut u);
-        let mut after = vec![0.0; nx];
+        self.inputs.rate(c.interval, t, &mut u_rate);
         let at = Point { t, x: &self.x, u: &u, p: self.p };
+        let mut rates = vec![0.0; self.system.guards(before).len()];
+        self.system.guard_rates(before, at, &u_rate, &mut rates);
+        let rate = rates[guard];
+        if approach.is_some_and(|a| !info.friction && a > 0.0 && rate.abs() <= GRAZING * a) {
+            return Err(Stop::Grazing { time: t, mode: self.name(), event: info.name });
+        }
+        let mut after = vec![0.0; nx];
         self.system.reset(before, guard, at, &mut after);
         if let Some(state) = after.iter().position(|v| !v.is_finite()) {
             return Err(Stop::Escape { time: t, mode: self.name(), state });
         }
         let to = self.system.target(before, guard, Point { x: &after, ..at });
-        if self.settings.derivatives || !info.friction {
+        if self.settings.derivatives {
             let mut g = vec![0.0; 2 + nx + nf + nu];
-            let (mut f_before, mut f_after, mut u_rate) = (vec![0.0; nx], vec![0.0; nx], vec![0.0; nu]);
+            let (mut f_before, mut f_after) = (vec![0.0; nx], vec![0.0; nx]);
+            let mut reset = vec![0.0; 2 * nx + nx * nx + nx * nf + nx * nu];
             self.system.guard_jacobian(before, guard, at, &mut g);
+            self.system.reset_jacobian(before, guard, at, &mut reset);
             self.system.flow(before, at, &mut f_before);
-            self.inputs.rate(c.interval, t, &mut u_rate);
-            let rate = saltation::guard_rate(self.sizes, &g, &f_before, &u_rate);
-            let possible: f64 = g[1..1 + nx].iter().zip(&f_before).map(|(a, b)| (a * b).abs()).sum();
-            let gx: f64 = g[1..1 + nx].iter().map(|v| v * v).sum::<f64>().sqrt();
-            let speed: f64 = f_before.iter().map(|v| v * v).sum::<f64>().sqrt();
-            if moves && !info.friction && rate.abs() <= GRAZING * possible.max(GRAZING * gx * speed) {
-                return Err(Stop::Grazing { time: t, mode: self.name(), event: info.name });
-            }
-            if self.settings.derivatives {
-                self.system.flow(to, Point { x: &after, ..at }, &mut f_after);
-                let mut reset = vec![0.0; 2 * nx + nx * nx + nx * nf + nx * nu];
-                self.system.reset_jacobian(before, guard, at, &mut reset);
-                let g = (moves && rate != 0.0).then_some(g.as_slice());
-                saltation::apply(self.sizes, g, &reset, &f_before, &f_after, &u_rate, &mut self.s);
-            }
+            self.system.flow(to, Point { x: &after, ..at }, &mut f_after);
+            let g = (approach.is_some() && rate != 0.0).then_some(g.as_slice());
+            saltation::apply(self.sizes, g, &reset, &f_before, &f_after, &u_rate, &mut self.s);
         }
-        self.x = after;
+        let x_before = std::mem::replace(&mut self.x, after);
         self.stats.events += 1;
         self.enter(to, false);
         self.events.push(Event { name: info.name, time: t, mode_before: before, mode_after: to });
+        self.sliding(before, Point { t, x: &x_before, u: &u, p: self.p }, &u_rate)
+    }
+
+    /// Whether the flows of the mode left and of the mode entered push against each other, so that the motion would pass
+    /// from one to the other without end.
+    fn sliding(&self, before: usize, at: Point<'_>, u_rate: &[f64]) -> Result<(), Stop> {
+        let Sizes { nx, nf, nu } = self.sizes;
+        let here = Point { x: &self.x, ..at };
+        for (k, rate) in self.watch.carried_past() {
+            if before == self.mode || self.system.target(self.mode, k, here) != before {
+                continue;
+            }
+            let (mut g, mut flow) = (vec![0.0; 2 + nx + nf + nu], vec![0.0; nx]);
+            self.system.guard_jacobian(self.mode, k, here, &mut g);
+            self.system.flow(before, at, &mut flow);
+            if saltation::guard_rate(self.sizes, &g, &flow, u_rate) * rate < 0.0 {
+                let event = self.system.guards(self.mode)[k].name.clone();
+                return Err(Stop::Chattering { time: self.t, mode: self.name(), event });
+            }
+        }
         Ok(())
     }
 
@@ -324,7 +347,15 @@ impl<'a> Engine<'a> {
         let at = Point { t: self.t, x: &self.x, u: &self.u, p: self.p };
         self.mode = if settle { self.system.settle(mode, at) } else { mode };
         self.first_stage_known = false;
-        self.watch.enter(self.system, self.mode, at);
+        if self.steps_in.len() <= self.mode {
+            self.steps_in.resize(self.mode + 1, 0);
+        }
+        let worthwhile = self.steps_in[self.mode] >= WORTHWHILE && !self.settings.derivatives;
+        self.stepper = if worthwhile { self.system.stepper(self.mode) } else { None };
+        let c = self.context(self.t + 1e-6 * self.settings.step);
+        let guards = self.system.guards(self.mode);
+        self.work.set_guards(guards.len());
+        self.watch.enter(c, guards, at);
     }
 
     /// Carries out the ticks that are due now.
@@ -366,7 +397,8 @@ impl<'a> Engine<'a> {
         if friction {
             return Ok(());
         }
-        let times: Vec<f64> = self.events.iter().rev().filter(|e| e.name == name).take(6).map(|e| e.time).collect();
+        let times: Vec<f64> =
+            self.events.iter().rev().take(60).filter(|e| e.name == name).take(6).map(|e| e.time).collect();
         if times.len() < 6 {
             return Ok(());
         }

@@ -66,6 +66,16 @@ impl Inputs {
         self.hold == Hold::ZeroOrder && self.dt.is_finite()
     }
 
+    /// The first sample instant after a time, where the polynomial changes; infinite where there is none.
+    #[inline]
+    pub fn next_knot(&self, t: f64) -> f64 {
+        if !self.dt.is_finite() {
+            return f64::INFINITY;
+        }
+        let k = ((t - self.t0) / self.dt).floor().max(-1.0) + 1.0;
+        if k as usize * self.count < self.pieces.len() { self.t0 + k * self.dt } else { f64::INFINITY }
+    }
+
     /// The interval that holds a time in its interior.
     #[inline]
     pub fn interval(&self, t: f64) -> usize {

@@ -5,117 +5,180 @@
 //! sees the exact gradient of what it simulates.
 
 use super::inputs::Inputs;
-use super::tableau::{A, B, C, D, E, STAGES};
-use crate::model::{Point, System};
-
-/// Working memory of a step.
-pub(super) struct Work {
-    pub nx: usize,
-    pub nf: usize,
-    /// Stage derivatives, the seventh at the end of the step.
-    pub k: Vec<Vec<f64>>,
-    /// State of the stage at hand, then of the end of the step.
-    pub x: Vec<f64>,
-    u: Vec<f64>,
-    /// Flow with Jacobians at each stage.
-    jacobians: Vec<Vec<f64>>,
-    /// Stage derivatives of the sensitivities.
-    ks: Vec<Vec<f64>>,
-    stage: Vec<f64>,
-    /// Fifth dense output coefficient.
-    dense: Vec<f64>,
-}
+use crate::model::{Point, Stepper, System};
+use crate::numeric::tableau::{A, B, C, D, E, STAGES};
 
 /// What a step evaluates the system at.
 #[derive(Clone, Copy)]
 pub(super) struct Context<'a> {
     pub system: &'a dyn System,
+    /// The step of this mode as one program, once that is worth having.
+    pub stepper: Option<&'a Stepper>,
     pub p: &'a [f64],
     pub inputs: &'a Inputs,
     pub mode: usize,
     pub interval: usize,
 }
 
+/// Working memory of a step.
+pub(super) struct Work {
+    nx: usize,
+    nf: usize,
+    nu: usize,
+    /// Rates of stages 1 to 7, state at the end, its error estimate, guards at the end: what a [`Stepper`] writes, behind
+    /// the first stage.
+    values: Vec<f64>,
+    /// State, rates and length of the step: what a [`Stepper`] reads.
+    start: Vec<f64>,
+    /// State of the stage at hand.
+    x: Vec<f64>,
+    /// Inputs at the nodes after the start.
+    u: Vec<f64>,
+    /// Flow with Jacobians at each stage.
+    jacobians: Vec<Vec<f64>>,
+    /// Stage derivatives of the sensitivities.
+    ks: [Vec<f64>; STAGES],
+    stage: Vec<f64>,
+    /// Fifth dense output coefficient.
+    dense: Vec<f64>,
+    /// Evaluations of the flow so far.
+    pub evaluations: u64,
+}
+
 impl Work {
     pub fn new(nx: usize, nu: usize, nf: usize, derivatives: bool) -> Self {
-        let ns = nx + nf;
-        let (j, s) = if derivatives { (nx + nx * nx + nx * nf, nx * ns) } else { (0, 0) };
+        let (j, s) = if derivatives { (nx + nx * nx + nx * nf, nx * (nx + nf)) } else { (0, 0) };
         Self {
             nx,
             nf,
-            k: vec![vec![0.0; nx]; STAGES + 1],
+            nu,
+            values: vec![0.0; (STAGES + 3) * nx],
+            start: vec![0.0; 2 * nx + 1],
             x: vec![0.0; nx],
-            u: vec![0.0; nu],
-            jacobians: vec![vec![0.0; j]; STAGES],
-            ks: vec![vec![0.0; s]; STAGES],
+            u: vec![0.0; nu * Stepper::NODES],
+            jacobians: vec![vec![0.0; j]; STAGES + 1],
+            ks: std::array::from_fn(|_| vec![0.0; s]),
             stage: vec![0.0; s],
             dense: vec![0.0; nx],
+            evaluations: 0,
         }
     }
 
-    /// All stages of a step of length `h` from `x0`; the end state is left in `self.x`. With `first` the first stage is
-    /// already known; with `derivatives` the Jacobians of every stage are kept for [`Work::sensitivities`].
-    pub fn stages(&mut self, c: Context<'_>, t: f64, h: f64, x0: &[f64], first: bool, derivatives: bool) {
-        let nx = self.nx;
-        for i in 0..STAGES {
-            if i == 0 {
-                if first && !derivatives {
-                    continue;
-                }
-                self.x.copy_from_slice(x0);
-            } else {
-                for n in 0..nx {
-                    let mut sum = 0.0;
-                    for (a, k) in A[i][..i].iter().zip(&self.k) {
-                        sum += a * k[n];
-                    }
-                    self.x[n] = x0[n] + h * sum;
-                }
+    /// Makes room for the guards of a mode.
+    pub fn set_guards(&mut self, count: usize) {
+        self.values.resize((STAGES + 3) * self.nx + count, 0.0);
+    }
+
+    /// Rates at a stage, counted from 0.
+    fn rates(&self, stage: usize) -> &[f64] {
+        &self.values[stage * self.nx..(stage + 1) * self.nx]
+    }
+
+    /// State at the end of the step.
+    #[inline]
+    pub fn end(&self) -> &[f64] {
+        &self.values[(STAGES + 1) * self.nx..(STAGES + 2) * self.nx]
+    }
+
+    /// Embedded error estimate of the state at the end.
+    #[inline]
+    pub fn error(&self) -> &[f64] {
+        &self.values[(STAGES + 2) * self.nx..(STAGES + 3) * self.nx]
+    }
+
+    /// Guards at the end of the step.
+    #[inline]
+    pub fn guards(&self) -> &[f64] {
+        &self.values[(STAGES + 3) * self.nx..]
+    }
+
+    /// A step of length `h` from `(t, x0)`. With `first` the first stage is known from the step before or from a trial of
+    /// another length; with `derivatives` the Jacobians of every stage are kept for [`Work::sensitivities`].
+    pub fn step(&mut self, c: Context<'_>, t: f64, h: f64, x0: &[f64], first: bool, derivatives: bool) {
+        let (nx, nu) = (self.nx, self.nu);
+        if !first {
+            c.inputs.eval(c.interval, t, &mut self.u[..nu]);
+            self.x.copy_from_slice(x0);
+            self.evaluate(c, 0, t, 0, derivatives);
+        }
+        if nu > 0 {
+            for (u, node) in self.u.chunks_exact_mut(nu).zip(&C[1..]) {
+                c.inputs.eval(c.interval, t + node * h, u);
             }
-            let ti = t + C[i] * h;
-            c.inputs.eval(c.interval, ti, &mut self.u);
-            let at = Point { t: ti, x: &self.x, u: &self.u, p: c.p };
-            if derivatives {
-                c.system.flow_jacobian(c.mode, at, &mut self.jacobians[i]);
-                self.k[i].copy_from_slice(&self.jacobians[i][..nx]);
-            } else {
-                c.system.flow(c.mode, at, &mut self.k[i]);
+        }
+        if let (Some(stepper), false) = (c.stepper, derivatives) {
+            let (k1, out) = self.values.split_at_mut(nx);
+            self.start[..nx].copy_from_slice(x0);
+            self.start[nx..2 * nx].copy_from_slice(k1);
+            self.start[2 * nx] = h;
+            stepper.step(t, &self.start, &self.u, c.p, out);
+            self.evaluations += STAGES as u64;
+            return;
+        }
+        for i in 1..=STAGES {
+            let (weights, node) = if i < STAGES { (&A[i][..i], i) } else { (&B[..], STAGES - 1) };
+            for n in 0..nx {
+                self.x[n] = x0[n] + h * self.weighted(weights, n);
             }
+            self.evaluate(c, i, t + C[node] * h, node - 1, derivatives);
         }
         for n in 0..nx {
-            let mut sum = 0.0;
-            for (b, k) in B.iter().zip(&self.k) {
-                sum += b * k[n];
-            }
-            self.x[n] = x0[n] + h * sum;
+            let error = h * self.weighted(&E, n);
+            self.values[(STAGES + 1) * nx + n] = self.x[n];
+            self.values[(STAGES + 2) * nx + n] = error;
+        }
+        let guards = &mut self.values[(STAGES + 3) * nx..];
+        if !guards.is_empty() {
+            let u = &self.u[(Stepper::NODES - 1) * nu..];
+            c.system.guard_values(c.mode, Point { t: t + h, x: &self.x, u, p: c.p }, guards);
         }
     }
 
-    /// Flow at the end of the step: the seventh stage, and the next step's first.
-    pub fn last_stage(&mut self, c: Context<'_>, t_end: f64) {
-        c.inputs.eval(c.interval, t_end, &mut self.u);
-        c.system.flow(c.mode, Point { t: t_end, x: &self.x, u: &self.u, p: c.p }, &mut self.k[STAGES]);
+    /// Rates of a stage at the state in `self.x`, with the inputs in one of the slots of `self.u`.
+    fn evaluate(&mut self, c: Context<'_>, stage: usize, t: f64, slot: usize, derivatives: bool) {
+        let nx = self.nx;
+        let at = Point { t, x: &self.x, u: &self.u[slot * self.nu..(slot + 1) * self.nu], p: c.p };
+        let rates = &mut self.values[stage * nx..(stage + 1) * nx];
+        if derivatives {
+            c.system.flow_jacobian(c.mode, at, &mut self.jacobians[stage]);
+            rates.copy_from_slice(&self.jacobians[stage][..nx]);
+        } else {
+            c.system.flow(c.mode, at, rates);
+        }
+        self.evaluations += 1;
     }
 
-    /// Embedded error estimate of one state.
-    pub fn error(&self, n: usize, h: f64) -> f64 {
-        h * E.iter().zip(&self.k).map(|(e, k)| e * k[n]).sum::<f64>()
+    #[inline]
+    fn weighted(&self, weights: &[f64], n: usize) -> f64 {
+        let mut sum = 0.0;
+        for (w, k) in weights.iter().zip(self.values.chunks_exact(self.nx)) {
+            sum += w * k[n];
+        }
+        sum
     }
 
-    /// Prepares the dense output; needs the last stage.
+    /// Makes the last stage the first one of the next step.
+    #[inline]
+    pub fn shift(&mut self) {
+        self.values.copy_within(STAGES * self.nx..(STAGES + 1) * self.nx, 0);
+        self.jacobians.swap(0, STAGES);
+    }
+
+    /// Prepares the dense output.
     pub fn prepare_dense(&mut self, h: f64) {
         for n in 0..self.nx {
-            self.dense[n] = h * D.iter().zip(&self.k).map(|(d, k)| d * k[n]).sum::<f64>();
+            self.dense[n] = h * self.weighted(&D, n);
         }
     }
 
     /// State at the fraction `theta` of the step.
     pub fn dense(&self, x0: &[f64], h: f64, theta: f64, out: &mut [f64]) {
         let rest = 1.0 - theta;
+        let (first, last, end) = (self.rates(0), self.rates(STAGES), self.end());
         for n in 0..self.nx {
-            let difference = self.x[n] - x0[n];
-            let bend = h * self.k[0][n] - difference;
-            let twist = difference - h * self.k[STAGES][n] - bend;
+            let difference = end[n] - x0[n];
+            let bend = h * first[n] - difference;
+            let twist = difference - h * last[n] - bend;
             out[n] = x0[n] + theta * (difference + rest * (bend + theta * (twist + rest * self.dense[n])));
         }
     }
@@ -125,37 +188,51 @@ impl Work {
         let (nx, nf) = (self.nx, self.nf);
         let ns = nx + nf;
         for i in 0..STAGES {
-            self.stage.copy_from_slice(s);
-            for (a, k) in A[i][..i].iter().zip(&self.ks) {
-                if *a != 0.0 {
-                    axpy(h * a, k, &mut self.stage);
-                }
-            }
-            let j = &self.jacobians[i];
-            let (fx, fp) = (&j[nx..nx + nx * nx], &j[nx + nx * nx..]);
-            let k = &mut self.ks[i];
-            for r in 0..nx {
-                let row = &mut k[r * ns..(r + 1) * ns];
+            let (ks, rest) = self.ks.split_at_mut(i);
+            combine(h, &A[i][..i], ks, s, &mut self.stage);
+            let (fx, fp) = self.jacobians[i][nx..].split_at(nx * nx);
+            for (r, row) in rest[0].chunks_exact_mut(ns).enumerate() {
                 row[..nx].fill(0.0);
                 row[nx..].copy_from_slice(&fp[r * nf..(r + 1) * nf]);
-                for c in 0..nx {
-                    let a = fx[r * nx + c];
-                    if a != 0.0 {
-                        axpy(a, &self.stage[c * ns..(c + 1) * ns], row);
+                for (a, stage) in fx[r * nx..(r + 1) * nx].iter().zip(self.stage.chunks_exact(ns)) {
+                    if *a != 0.0 {
+                        add(*a, stage, row);
                     }
                 }
             }
         }
-        for (b, k) in B.iter().zip(&self.ks) {
-            if *b != 0.0 {
-                axpy(h * b, k, s);
+        self.stage.copy_from_slice(s);
+        combine(h, &B, &self.ks, &self.stage, s);
+    }
+}
+
+/// `out = s + h sum_j weights[j] k[j]`, in one pass over the memory.
+fn combine(h: f64, weights: &[f64], k: &[Vec<f64>], s: &[f64], out: &mut [f64]) {
+    fn pass<const N: usize>(h: f64, weights: &[f64], k: &[Vec<f64>], s: &[f64], out: &mut [f64]) {
+        let n = out.len();
+        let w: [f64; N] = std::array::from_fn(|j| h * weights[j]);
+        let k: [&[f64]; N] = std::array::from_fn(|j| &k[j][..n]);
+        for (i, (o, s)) in out.iter_mut().zip(s).enumerate() {
+            let mut sum = *s;
+            for j in 0..N {
+                sum += w[j] * k[j][i];
             }
+            *o = sum;
         }
+    }
+    match weights.len() {
+        0 => out.copy_from_slice(s),
+        1 => pass::<1>(h, weights, k, s, out),
+        2 => pass::<2>(h, weights, k, s, out),
+        3 => pass::<3>(h, weights, k, s, out),
+        4 => pass::<4>(h, weights, k, s, out),
+        5 => pass::<5>(h, weights, k, s, out),
+        _ => pass::<6>(h, weights, k, s, out),
     }
 }
 
 #[inline]
-fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
+fn add(a: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += a * x;
     }

@@ -38,7 +38,7 @@ fn flow(c: &mut Criterion) {
     }
     let mut jacobian = vec![0.0; 4 + 4 * (4 + native.free().len())];
     let at = Point { t: 0.0, x: &x, u: &[2.0], p: &p };
-    group.bench_function("compiled with jacobian", |b| b.iter(|| native.flow_jacobian(0, black_box(at), &mut jacobian)));
+    group.bench_function("with jacobian", |b| b.iter(|| native.flow_jacobian(0, black_box(at), &mut jacobian)));
     group.finish();
 }
 

@@ -15,6 +15,7 @@ __all__ = [
     "Model",
     "Recording",
     "Trajectory",
+    "conceal",
     "diagnose",
     "effect_names",
     "effect_text",
@@ -54,6 +55,13 @@ class _Stop(TypedDict):
     time: float
     mode: str
     message: str
+
+@type_check_only
+class _Case(TypedDict):
+    model: Model
+    train: list[Recording]
+    test: list[Recording]
+    label: str
 
 @final
 class Model:
@@ -160,6 +168,17 @@ def diagnose(
     threads: int = 0,
     progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosis: ...
+def conceal(
+    model: str = "cart_pendulum",
+    effect: str | None = None,
+    port: str | None = None,
+    size: float = 0.15,
+    snr: float = 100.0,
+    duration: float = 10.0,
+    dt: float = 0.01,
+    amplitude: float = 4.0,
+    seed: int = 0,
+) -> _Case: ...
 def zoo_names() -> list[str]: ...
 def zoo_text(name: str) -> str: ...
 def effect_names() -> list[str]: ...

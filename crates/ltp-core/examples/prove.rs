@@ -18,7 +18,6 @@ fn main(){
     n+=1; ok+=good as i32;
     let r=&d.fit.test;
     println!("{} {e}@{port} {:?} truth {:?} -> {found} amb {:?} | {:?} | {} | {:.1}s", if good {"ok  "} else {"MISS"}, d.verdict, case.label.parameters.iter().map(|p|format!("{:.4}",p.1)).collect::<Vec<_>>(), d.ambiguous_with, d.location.as_ref().map(|l|(l.at.clone(),l.variable.clone(),l.p_value)), r.iter().map(|r|format!("{:.4}->{:.4} ({:.4})",r.before.unwrap_or(-1.),r.after.unwrap_or(-1.),r.floor)).collect::<Vec<_>>().join(", "), d.seconds);
-    if std::env::var("DBG").is_ok() { for (n,p) in &d.parameters {println!("      {n} {:?}",p);} }
     if !good { for c in d.candidates.iter().take(4) { println!("      {}@{} {:?} {:?} {:?}",c.name,c.at,c.score,c.held_out,c.parameters);} }
   }}}
   println!("{ok}/{n}");

@@ -87,6 +87,7 @@ fn work(
     }
     let names = effect_names(model, options)?;
     (control.progress)("reading the recordings", 0.0);
+    let own_test = !test.is_empty();
     let (train, test) = split(model, train, test, options.hold, &mut warnings)?;
 
     (control.progress)("following the recordings", 0.05);
@@ -195,13 +196,19 @@ fn work(
     let trials = candidates::all(&bench, &names, &guesses, &nominal)?;
     (control.progress)("weighing the evidence", 0.85);
     let ranking = judge::rank(&nominal, &trials);
-    let halves = halves(&train, train_start, &scene, &ties_of)?;
     let winner = ranking.winner(&trials);
+    // A record of its own that was predicted is the best witness; a piece cut from the train records is not one.
+    let halves = if own_test { None } else { Some(halves(&train, train_start, &scene, &ties_of)?) };
     let evidence = match winner {
-        Some(w) => Some(judge::weigh(&bench, &nominal, &trials[w], &halves, names.len() * guesses.len())?),
+        Some(w) => {
+            Some(judge::weigh(&bench, &nominal, &trials[w], halves.as_ref(), names.len() * guesses.len())?)
+        }
         None => None,
     };
     let accepted = winner.filter(|_| evidence.is_some_and(|e| e.accepted()));
+    if let (Some(w), Some(e), None) = (winner, evidence, accepted) {
+        warnings.extend(e.refusal(&trials[w].label()));
+    }
     conclude(Case {
         model,
         bench: &bench,

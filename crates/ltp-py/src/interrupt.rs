@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use ltp_core::model::{Guard, Point, Schedule, System};
+use ltp_core::model::{Guard, Point, Schedule, Stepper, System};
 
 /// A system as it is, until `flag` is set; then its rates are not numbers, and the simulation ends within one step.
 pub struct Interruptible<S> {
@@ -26,6 +26,11 @@ impl<S: System> System for Interruptible<S> {
         } else {
             self.system.flow(mode, at, rates);
         }
+    }
+
+    fn stepper(&self, mode: usize) -> Option<&Stepper> {
+        // withdrawn once the flag is set: the next step asks `flow`
+        if self.flag.load(Ordering::Relaxed) { None } else { self.system.stepper(mode) }
     }
 
     // Everything else is the system's own; methods with a default are passed on as well, or it would hide the system's.
@@ -67,6 +72,9 @@ impl<S: System> System for Interruptible<S> {
     }
     fn guard_values(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
         self.system.guard_values(mode, at, out);
+    }
+    fn guard_rates(&self, mode: usize, at: Point<'_>, u_rate: &[f64], out: &mut [f64]) {
+        self.system.guard_rates(mode, at, u_rate, out);
     }
     fn guard_jacobian(&self, mode: usize, guard: usize, at: Point<'_>, out: &mut [f64]) {
         self.system.guard_jacobian(mode, guard, at, out);

@@ -2,9 +2,10 @@
 //!
 //! Read in order: [`error`] (how failures arrive), [`door`] (how work is done without holding the interpreter),
 //! [`array`] (how numbers cross), [`interrupt`] (how a simulation is stopped), then the nouns [`model`], [`recording`] and
-//! [`trajectory`], and the verbs [`simulate`] and [`diagnose`].
+//! [`trajectory`], and the verbs [`simulate`], [`diagnose`] and [`conceal`].
 
 mod array;
+mod conceal;
 mod diagnose;
 mod door;
 mod error;
@@ -17,6 +18,8 @@ mod trajectory;
 /// The compiled half of the package `ltp`; use the names of `ltp` instead.
 #[pyo3::pymodule(gil_used = false)]
 mod _ltp {
+    #[pymodule_export]
+    use crate::conceal::conceal;
     #[pymodule_export]
     use crate::diagnose::{Diagnosis, diagnose};
     #[pymodule_export]

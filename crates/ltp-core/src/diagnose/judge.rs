@@ -105,8 +105,9 @@ pub struct Evidence {
     pub held_out: f64,
     /// Gain in deviance of residuals whitened by the candidate's own filter, train and held-out.
     pub whitened: f64,
-    /// Share of the structural error removed on the half of the train records that was not fitted.
-    pub crossed: f64,
+    /// Share of the structural error removed where nothing but initial states was fitted: on the held-out records, or,
+    /// where these are cut from the train records, on the half of the train records that was not fitted.
+    pub predicted: f64,
     /// Share of the structural error of the train records removed.
     pub share: f64,
     /// What a gain must exceed.
@@ -119,8 +120,22 @@ impl Evidence {
         self.gain > self.threshold
             && self.held_out < 0.0
             && self.whitened > self.threshold
-            && self.crossed >= MATERIAL
+            && self.predicted >= MATERIAL
             && self.share >= MATERIAL
+    }
+
+    /// What speaks for an effect that was not accepted, and what against it; `None` where little speaks for it.
+    pub fn refusal(&self, label: &str) -> Option<String> {
+        let percent = |v: f64| format!("{:.0} %", 100.0 * v);
+        (self.gain > self.threshold && self.whitened > self.threshold && self.share >= 0.1).then(|| {
+            format!(
+                "`{label}` fits the train records better (it removes {} of the error beyond noise) but was not accepted: where \
+                 it had to predict it removes {}, and at least {} are asked for; record longer, or a second run, to decide",
+                percent(self.share),
+                percent(self.predicted),
+                percent(MATERIAL)
+            )
+        })
     }
 }
 
@@ -128,7 +143,7 @@ impl Evidence {
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`].
-pub fn weigh(bench: &Bench<'_>, nominal: &Trial, trial: &Trial, ties: &Halves, library: usize) -> Result<Evidence> {
+pub fn weigh(bench: &Bench<'_>, nominal: &Trial, trial: &Trial, halves: Option<&Halves>, library: usize) -> Result<Evidence> {
     let (a, b) = (&nominal.residuals, &trial.residuals);
     let samples: f64 = (0..bench.train.sigma.len()).map(|j| a.energy(&a.train, j).1).sum();
     let added = (trial.fit.point.theta.len() - nominal.fit.point.theta.len()) as f64;
@@ -138,7 +153,10 @@ pub fn weigh(bench: &Bench<'_>, nominal: &Trial, trial: &Trial, ties: &Halves, l
         gain: a.deviance(&a.train) - b.deviance(&b.train) - added * samples.max(2.0).ln(),
         held_out: b.deviance(&b.test) - a.deviance(&a.test),
         whitened: whitened(a) - whitened(b),
-        crossed: crossed(bench, nominal, trial, ties)?,
+        predicted: match halves {
+            Some(h) => crossed(bench, nominal, trial, h)?,
+            None => removed(&[(a, &a.test)], &[(b, &b.test)]),
+        },
         share: removed(&[(a, &a.train)], &[(b, &b.train)]),
         threshold: 12.0 + 2.0 * (library.max(1) as f64).ln(),
     })

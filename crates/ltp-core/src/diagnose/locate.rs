@@ -192,15 +192,31 @@ pub fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
         ("position", vec![q.clone(), power(&q, 2), power(&q, 3)]),
         ("time", drift),
     ];
-    let own = regression::explained(&w, &base, 5).max(0.0);
+    let present: Vec<f64> = w.iter().copied().filter(|v| v.is_finite()).collect();
+    if stats::mean(present.iter().copied()).abs() > stats::std(present.iter().copied()) {
+        return ("nothing: it is constant", 1.0, 0.0);
+    }
+    let beyond = strongest(&w, &base, &groups, seed);
+    // Where nominal parameters could say it all, what the force follows is still worth knowing.
+    if beyond.1 > 0.0 { beyond } else { strongest(&w, &[], &groups, seed) }
+}
+
+/// The group of columns that explains most of a series beyond a base.
+fn strongest(
+    w: &[f64],
+    base: &[Vec<f64>],
+    groups: &[(&'static str, Vec<Vec<f64>>)],
+    seed: u64,
+) -> (&'static str, f64, f64) {
+    let own = if base.is_empty() { 0.0 } else { regression::explained(w, base, 5).max(0.0) };
     let mut best = ("nothing it was tested against", 0.0, 1.0);
     for (name, columns) in groups {
-        let mut all = base.clone();
+        let mut all = base.to_vec();
         all.extend(columns.iter().cloned());
-        let share = regression::explained(&w, &all, 5) - own;
+        let share = regression::explained(w, &all, 5) - own;
         if share > best.1 + 0.02 {
-            let p = regression::shift_p_value(&w, &base, &columns, 5, SHIFTS, seed);
-            best = (name, share, if p.is_finite() { p } else { 1.0 });
+            let p = regression::shift_p_value(w, base, columns, 5, SHIFTS, seed);
+            best = (*name, share, if p.is_finite() { p } else { 1.0 });
         }
     }
     best

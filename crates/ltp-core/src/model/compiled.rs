@@ -135,7 +135,7 @@ impl Compiled {
         let put = |g: &mut Graph, ids: &[Id]| {
             g.substitute(ids, |s| if let Symbol::Dry(i) = s { Some(dry.phi[i]) } else { None })
         };
-        let flow = put(&mut g, &a.modes[base].flow);
+        let mut flow = put(&mut g, &a.modes[base].flow);
         let output = put(&mut g, &a.modes[base].outputs);
         let identity: Vec<Id> = (0..a.states.len()).map(|i| g.leaf(Symbol::State(i))).collect();
         let mut guards = Vec::new();
@@ -147,9 +147,17 @@ impl Compiled {
             guards.push((info, Kind::Event(k), guard, when, reset));
         }
         for (i, c) in contacts.iter().enumerate().filter(|(i, _)| active[*i]) {
+            // Where the velocity is a state by itself it rests at zero, not at what rounding left of it.
+            let mut reset = identity.clone();
+            if let Some(n) = identity.iter().position(|&x| x == dry.velocity[i]) {
+                reset[n] = g.constant(0.0);
+                if *c == Contact::Stick {
+                    flow[n] = reset[n];
+                }
+            }
             let mut push = |kind, id, direction| {
                 let info = Guard { name: a.dry_names[i].clone(), direction, friction: true };
-                guards.push((info, kind, id, None, identity.clone()));
+                guards.push((info, kind, id, None, reset.clone()));
             };
             match c {
                 Contact::Forward => push(Kind::Rest(i), dry.velocity[i], Direction::Falling),

@@ -133,14 +133,8 @@ pub fn apply2(f: Fun2, a: f64, b: f64) -> f64 {
 }
 
 /// Sign with `sign(0) = 0`.
-pub fn sign(a: f64) -> f64 {
-    if a > 0.0 {
-        1.0
-    } else if a < 0.0 {
-        -1.0
-    } else {
-        0.0
-    }
+fn sign(a: f64) -> f64 {
+    f64::from(i8::from(a > 0.0) - i8::from(a < 0.0))
 }
 
 /// A growing set of shared expressions.
@@ -308,14 +302,8 @@ impl Graph {
 
     /// Every leaf that `roots` depend on, in order.
     pub fn leaves(&self, roots: &[Id]) -> Vec<Symbol> {
-        let mut found: Vec<Symbol> = self
-            .reachable(roots)
-            .into_iter()
-            .filter_map(|id| match self.node(id) {
-                Node::Leaf(s) => Some(s),
-                _ => None,
-            })
-            .collect();
+        let leaf = |id: Id| if let Node::Leaf(s) = self.node(id) { Some(s) } else { None };
+        let mut found: Vec<Symbol> = self.reachable(roots).into_iter().filter_map(leaf).collect();
         found.sort();
         found
     }

@@ -77,12 +77,15 @@ pub fn error_at(path: &str, source: &str, offset: usize, message: String) -> Err
 /// Deepest nesting of brackets, signs and powers; a deeper text is refused rather than overflow the stack.
 const DEPTH: usize = 200;
 
+/// Most operators in one expression: a longer chain is refused rather than overflow the stack of what walks the tree.
+const LENGTH: usize = 2000;
+
 /// Parses one expression. `path` says where it stands in the document, for messages.
 ///
 /// # Errors
 /// [`Error::Expression`] with line, column and the line itself.
 pub fn parse(source: &str, path: &str) -> Result<Ast> {
-    let mut p = Parser { source, path, at: 0, depth: 0 };
+    let mut p = Parser { source, path, at: 0, depth: 0, operators: 0 };
     let tree = p.expression()?;
     p.space();
     if p.at < source.len() {
@@ -97,6 +100,7 @@ struct Parser<'a> {
     path: &'a str,
     at: usize,
     depth: usize,
+    operators: usize,
 }
 
 impl Parser<'_> {
@@ -152,6 +156,10 @@ impl Parser<'_> {
             };
             if self.source[self.at..].starts_with("**") {
                 return Err(self.error(at, "`**` is not an operator; write `^` for powers".into()));
+            }
+            self.operators += 1;
+            if self.operators > LENGTH {
+                return Err(self.error(at, format!("more than {LENGTH} operators; split the expression with [signals]")));
             }
             self.at += token.len();
             let right = next(self)?;
@@ -333,5 +341,6 @@ mod tests {
     #[test]
     fn deep_nesting_is_refused_not_a_crash() {
         assert!(text(&"(".repeat(100_000)).contains("nested deeper"));
+        assert!(text(&"q+".repeat(200_000)).contains("more than 2000 operators"));
     }
 }

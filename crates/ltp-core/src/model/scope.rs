@@ -141,6 +141,11 @@ impl Names {
             for (name, p) in &effect.parameters {
                 let given = attached.parameters.get(name);
                 let unit = port_unit(&p.unit, doc, port, &path)?.to_string();
+                let (low, high) = (p.min.unwrap_or(f64::NEG_INFINITY), p.max.unwrap_or(f64::INFINITY));
+                if let Some(v) = given.map(|g| g.value).filter(|v| !(v.is_finite() && *v >= low && *v <= high)) {
+                    let message = format!("`{name}` = {v} is not within {low} .. {high} {unit}");
+                    return Err(Error::Model { path, message });
+                }
                 entry.parameters.insert(name.clone(), self.parameters.len());
                 self.parameters.push(ParameterInfo {
                     name: format!("{label}.{name}"),
@@ -220,6 +225,9 @@ fn velocity_from_force(force: &Unit) -> Unit {
     let text = if super::units::same(&force.dimensions(), &newton) { "m/s" } else { "rad/s" };
     Unit::parse(text, "").unwrap_or_default()
 }
+
+/// Longest chain of signals that are defined by signals; a longer one is refused rather than overflow the stack.
+const CHAIN: usize = 100;
 
 /// Expressions of one mode: the same signal may mean different things in different modes, because ports may act on it.
 pub struct Scope<'a> {
@@ -327,6 +335,9 @@ impl<'a> Scope<'a> {
             let mut ring = self.open[first..].to_vec();
             ring.push(name.to_string());
             return Err(error_at(path, text, at, format!("signals are defined in a circle: {}", ring.join(" -> "))));
+        }
+        if self.open.len() >= CHAIN {
+            return Err(error_at(path, text, at, format!("signals defined by signals, more than {CHAIN} deep; flatten them")));
         }
         self.open.push(name.to_string());
         let mut id = self.expression(g, signal.expression(), &format!("signals.{name}"))?;

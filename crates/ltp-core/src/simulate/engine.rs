@@ -249,7 +249,8 @@ impl<'a> Engine<'a> {
             *largest = largest.max(e.abs());
         }
         self.steps_in[self.mode] += 1;
-        if self.steps_in[self.mode] == WORTHWHILE && !self.settings.derivatives {
+        // Asked for anew from time to time, so that a system may withdraw it and be heard again.
+        if self.steps_in[self.mode].is_multiple_of(WORTHWHILE) && !self.settings.derivatives {
             self.stepper = self.system.stepper(self.mode);
         }
         if self.settings.derivatives {

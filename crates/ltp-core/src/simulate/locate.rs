@@ -119,8 +119,9 @@ impl Watch {
                 };
             }
             if friction {
-                // Slip begins and stick ends at zero by nature; which side is allowed is known.
+                // Slip begins and stick ends at zero by nature: the allowed side is known, whatever rounding says.
                 armed.side = waits(direction);
+                armed.floor = if armed.side * now > 0.0 { 0.0 } else { 2.0 * now.abs() };
             }
             self.guards.push(armed);
         }

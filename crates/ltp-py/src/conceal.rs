@@ -1,0 +1,75 @@
+//! The verb `conceal` of the extension: recordings with physics that their model lacks, for the demo and for tests.
+
+use std::collections::BTreeMap;
+
+use ltp_core::conceal::{self as core, Label, Recipe};
+use ltp_core::error::Error;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use serde_json::json;
+
+use crate::door;
+use crate::error::from_panic;
+use crate::model::Model;
+use crate::recording::Recording;
+
+/// A model that lacks a piece of physics, recordings that have it, and the label that says what it was.
+///
+/// An effect wants its port, and a port its effect; without both, the seed draws them. The effect `nothing` conceals nothing.
+#[pyfunction]
+#[pyo3(signature = (
+    model="cart_pendulum", effect=None, port=None, size=0.15, snr=100.0, duration=10.0, dt=0.01, amplitude=4.0, seed=0
+))]
+#[expect(clippy::too_many_arguments, reason = "they are the keyword arguments of Python")]
+pub fn conceal<'py>(
+    py: Python<'py>,
+    model: &str,
+    effect: Option<String>,
+    port: Option<String>,
+    size: f64,
+    snr: f64,
+    duration: f64,
+    dt: f64,
+    amplitude: f64,
+    seed: u64,
+) -> PyResult<Bound<'py, PyDict>> {
+    let effect = door::short(py, || together(effect, port))?;
+    let model = model.to_owned();
+    let recipe = Recipe { model, effect, size, snr, duration: (duration, dt), amplitude, seed };
+    let case = door::long(py, None, move |_| core::conceal(&recipe))?;
+    let records = |of: Vec<_>| PyList::new(py, of.into_iter().map(Recording::from));
+    let dict = PyDict::new(py);
+    dict.set_item("model", Model::from(case.model))?;
+    dict.set_item("train", records(case.train)?)?;
+    dict.set_item("test", records(case.test)?)?;
+    dict.set_item("label", text(&case.label)?)?;
+    Ok(dict)
+}
+
+/// Effect and port, or neither.
+fn together(effect: Option<String>, port: Option<String>) -> ltp_core::Result<Option<(String, String)>> {
+    match (effect, port) {
+        (None, None) => Ok(None),
+        (Some(effect), None) if effect == "nothing" => Ok(Some((effect, String::new()))),
+        (Some(effect), Some(port)) => Ok(Some((effect, port))),
+        (given, _) => Err(Error::Model {
+            path: "conceal".into(),
+            message: format!(
+                "found {} alone, expected an effect with its port; give both, or neither to let the seed draw them",
+                if given.is_some() { "an effect" } else { "a port" }
+            ),
+        }),
+    }
+}
+
+/// The label as JSON, keys sorted, so that the same label is always the same text.
+fn text(label: &Label) -> PyResult<String> {
+    let parameters: BTreeMap<_, _> = label.parameters.iter().map(|(name, value)| (name, value)).collect();
+    let sorted = BTreeMap::from([
+        ("at", json!(label.at)),
+        ("effect", json!(label.effect)),
+        ("parameters", json!(parameters)),
+        ("seed", json!(label.seed)),
+    ]);
+    serde_json::to_string(&sorted).map_err(|e| from_panic(&e.to_string()))
+}

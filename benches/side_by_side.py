@@ -1,9 +1,9 @@
 """Races ltp against pydiffsol and SciPy on one problem in one run: 100 s of the three-mode hopper, 219 events.
 
 Owns: the comparison that the README quotes. Prints time (best of several), error in y(100 s) against the closed form,
-and ratios; then whether the two bars are met: not slower than pydiffsol at equal or smaller error, and at least 50 times
-faster than `scipy.integrate.solve_ivp` with events and a restart loop. Times depend on the machine and its load, so
-nothing is asserted; the bars print PASS or FAIL. A peer that is not installed is left out (`pip install pydiffsol`).
+and ratios; then whether the two bars are met: not slower than pydiffsol at equal or smaller error, and at least 50
+times faster than `scipy.integrate.solve_ivp` with events and a restart loop. Times depend on the machine and its load,
+so nothing is asserted; the bars print PASS or FAIL. A peer that is not installed is left out (`pip install pydiffsol`).
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def race_ltp() -> list[Row]:
     return rows
 
 
-# `N` is the number of the stop that fired last, so the stops stand in the order of the modes they lead to; a gate keeps the
-# guards of the other modes away from zero.
+# `N` is the number of the stop that fired last, so the stops stand in the order of the modes they lead to; a gate keeps
+# the guards of the other modes away from zero.
 DIFFSL = f"""
 flight_i {{ 1.0, 0.0, 0.0 }}
 compression_i {{ 0.0, 1.0, 0.0 }}
@@ -143,7 +143,7 @@ def fastest_within(rows: list[Row], error: float) -> Row | None:
 
 
 def compare(ours: list[Row], theirs: list[Row], factor: float) -> None:
-    """Prints, for each row of a peer, our fastest row of equal or smaller error and whether it is `factor` times faster."""
+    """Prints, for each row of a peer, our fastest row of equal or smaller error, and whether `factor` is reached."""
     for row in theirs:
         match = fastest_within(ours, row.error)
         name = f"{row.tool} {row.setting}"

@@ -30,17 +30,38 @@ fn expression() -> impl Strategy<Value = String> {
     leaf.prop_recursive(5, 40, 3, |inner| {
         let one = prop::sample::select(vec!["sin", "cos", "tanh", "atan", "abs", "sign", "-"]);
         let guarded = prop::sample::select(vec![
-            "exp(tanh(E))", "sinh(tanh(E))", "cosh(tanh(E))", "tan(tanh(E))", "asin(0.9*tanh(E))", "acos(0.9*tanh(E))",
-            "log(1 + (E)^2)", "sqrt(1 + (E)^2)", "(E)^2", "(E)^3", "(1 + (E)^2)^-2", "(1 + (E)^2)^0.7",
+            "exp(tanh(E))",
+            "sinh(tanh(E))",
+            "cosh(tanh(E))",
+            "tan(tanh(E))",
+            "asin(0.9*tanh(E))",
+            "acos(0.9*tanh(E))",
+            "log(1 + (E)^2)",
+            "sqrt(1 + (E)^2)",
+            "(E)^2",
+            "(E)^3",
+            "(1 + (E)^2)^-2",
+            "(1 + (E)^2)^0.7",
         ]);
         let two = prop::sample::select(vec![
-            "(A + B)", "(A - B)", "A*B", "(A)/(1 + (B)^2)", "min(A, B)", "max(A, B)", "atan2(A, 1.5 + tanh(B))",
-            "if(A < B, A, B)", "if(A >= B, sin(A), B)", "(A == B)", "(A != B)", "(2 + sin(A))^tanh(B)",
+            "(A + B)",
+            "(A - B)",
+            "A*B",
+            "(A)/(1 + (B)^2)",
+            "min(A, B)",
+            "max(A, B)",
+            "atan2(A, 1.5 + tanh(B))",
+            "if(A < B, A, B)",
+            "if(A >= B, sin(A), B)",
+            "(A == B)",
+            "(A != B)",
+            "(2 + sin(A))^tanh(B)",
         ]);
         prop_oneof![
             (one, inner.clone()).prop_map(|(f, e)| format!("{f}({e})")),
             (guarded, inner.clone()).prop_map(|(f, e)| f.replace('E', &e)),
-            (two, inner.clone(), inner).prop_map(|(f, a, b)| f.replace('A', "\u{1}").replace('B', &b).replace('\u{1}', &a)),
+            (two, inner.clone(), inner)
+                .prop_map(|(f, a, b)| f.replace('A', "\u{1}").replace('B', &b).replace('\u{1}', &a)),
         ]
     })
 }
@@ -97,9 +118,33 @@ proptest! {
 #[test]
 fn every_function_has_its_derivative() {
     let expressions = [
-        "sin(x)", "cos(x)", "tan(x)", "asin(x)", "acos(x)", "atan(x)", "sinh(x)", "cosh(x)", "tanh(x)", "exp(x)", "log(x)",
-        "sqrt(x)", "abs(x)", "atan2(x, p)", "atan2(p, x)", "min(x, p)", "max(x, p)", "x^p", "p^x", "x^3", "x^-2", "x^0.5",
-        "x/p", "p/x", "if(x < p, x^2, x^3)", "sign(x)", "x*q - x/(p + x)",
+        "sin(x)",
+        "cos(x)",
+        "tan(x)",
+        "asin(x)",
+        "acos(x)",
+        "atan(x)",
+        "sinh(x)",
+        "cosh(x)",
+        "tanh(x)",
+        "exp(x)",
+        "log(x)",
+        "sqrt(x)",
+        "abs(x)",
+        "atan2(x, p)",
+        "atan2(p, x)",
+        "min(x, p)",
+        "max(x, p)",
+        "x^p",
+        "p^x",
+        "x^3",
+        "x^-2",
+        "x^0.5",
+        "x/p",
+        "p/x",
+        "if(x < p, x^2, x^3)",
+        "sign(x)",
+        "x*q - x/(p + x)",
     ];
     for e in expressions {
         let s = model(e).unwrap().compile_for(vec![0, 1], Backend::Native);
@@ -162,7 +207,9 @@ fn deep_nesting_is_refused() {
 fn long_chains_of_signals_are_refused() {
     let chain = |n: usize| {
         let links: String = (1..n).map(|k| format!("s{k} = 's{} + 1'\n", k + 1)).collect();
-        let text = format!("name = 'c'\n[states]\nx = {{}}\n[signals]\n{links}s{n} = 'x'\n[flow]\nx = 's1'\n[outputs]\nx = 'x'");
+        let text = format!(
+            "name = 'c'\n[states]\nx = {{}}\n[signals]\n{links}s{n} = 'x'\n[flow]\nx = 's1'\n[outputs]\nx = 'x'"
+        );
         Model::from_toml(&text, "chain.toml")
     };
     assert!(chain(100).is_ok());
@@ -174,12 +221,19 @@ fn a_document_spoiled_in_one_place_says_where() {
     let good = zoo_text("hopper").unwrap();
     let spoil = |from: &str, to: &str| {
         assert!(good.contains(from), "{from}");
-        Model::from_toml(&good.replacen(from, to, 1), "h.toml").err().unwrap_or_else(|| panic!("{to}: accepted")).to_string()
+        Model::from_toml(&good.replacen(from, to, 1), "h.toml")
+            .err()
+            .unwrap_or_else(|| panic!("{to}: accepted"))
+            .to_string()
     };
     let cases = [
         ("value = \"a*cos(omega_p*t) + u_c\"", "value = \"f\"", "f -> u -> f"),
         ("unit = \"kg\"", "unit = \"kilo\"", "kilo"),
-        ("u = { value = \"a*cos(omega_p*t) + u_c\", unit = \"N\"", "u = { value = \"a*cos(omega_p*t) + u_c\", unit = \"m\"", "unit"),
+        (
+            "u = { value = \"a*cos(omega_p*t) + u_c\", unit = \"N\"",
+            "u = { value = \"a*cos(omega_p*t) + u_c\", unit = \"m\"",
+            "unit",
+        ),
         ("\nu = {", "\nM = {", "defined twice"),
         ("h = \"hd\"", "hq = \"hd\"", "`hq`"),
         ("h = \"hd\"", "", "no flow for the state `h`"),
@@ -224,7 +278,10 @@ fn every_zoo_model_loads_natively_and_runs() {
         let inputs = Inputs::constant(&vec![0.1; system.inputs()]);
         let found = simulate(&system, system.parameters(), &inputs, &Plan::new(2.0, 0.01).unwrap()).unwrap();
         assert!(found.stop.is_finished(), "{name}: {}", found.stop.sentence());
-        assert!(model.ports().iter().all(|port| model.attach("viscous_friction", port, &[("damping", 0.1)]).is_ok()), "{name}");
+        assert!(
+            model.ports().iter().all(|port| model.attach("viscous_friction", port, &[("damping", 0.1)]).is_ok()),
+            "{name}"
+        );
     }
 }
 

@@ -102,7 +102,8 @@ fn compiled_step_equals_the_loop_over_stages() {
         let columns = vec![wave.clone(); count];
         let inputs = Inputs::samples(0.0, 0.01, &columns, Hold::FirstOrder).unwrap();
         let plan = Plan::new(4.0, 0.01).unwrap().with_step(1e-3);
-        let [native, plain] = [Backend::Native, Backend::Plain].map(|b| run(&model.compile_for(vec![], b), &inputs, &plan));
+        let [native, plain] =
+            [Backend::Native, Backend::Plain].map(|b| run(&model.compile_for(vec![], b), &inputs, &plan));
         assert_eq!(native, plain, "{name}");
     }
 }

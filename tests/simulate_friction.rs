@@ -144,7 +144,14 @@ struct Element {
 
 /// Time-stepping of the set-valued law: the smooth part by the midpoint rule, then impulses that bring each port's velocity
 /// to rest or as near as the friction cone allows, swept until they agree. First order, and no notion of modes.
-fn impulses(smooth: &dyn System, p: &[f64], u: &dyn Fn(f64) -> f64, elements: &[Element], t_end: f64, h: f64) -> Vec<f64> {
+fn impulses(
+    smooth: &dyn System,
+    p: &[f64],
+    u: &dyn Fn(f64) -> f64,
+    elements: &[Element],
+    t_end: f64,
+    h: f64,
+) -> Vec<f64> {
     let mut x = smooth.initial_state();
     let n = x.len();
     let (mut f, mut middle) = (vec![0.0; n], vec![0.0; n]);

@@ -19,7 +19,15 @@ fn all(model: &Model) -> Compiled {
 }
 
 /// Last state and its sensitivities.
-fn end(system: &Compiled, p: &[f64], x0: &[f64], u: &[f64], t: f64, step: f64, derivatives: bool) -> (Vec<f64>, Vec<f64>) {
+fn end(
+    system: &Compiled,
+    p: &[f64],
+    x0: &[f64],
+    u: &[f64],
+    t: f64,
+    step: f64,
+    derivatives: bool,
+) -> (Vec<f64>, Vec<f64>) {
     let mut plan = Plan::new(t, t).unwrap().with_step(step).from(x0);
     plan.derivatives = derivatives;
     let found = simulate(system, p, &Inputs::constant(u), &plan).unwrap();
@@ -66,7 +74,8 @@ fn three_mode_hopper_has_the_jacobian_of_its_closed_form() {
         let hop = ThreeModeHopper { y0: m.y0 + 0.5 * v * v / m.g, ..m }.at(10.0 - v / m.g);
         [hop.y, hop.v]
     };
-    let columns: [(&str, f64, &dyn Fn(f64) -> [f64; 2]); 8] = [
+    type Column<'a> = (&'a str, f64, &'a dyn Fn(f64) -> [f64; 2]);
+    let columns: [Column<'_>; 8] = [
         ("y0", 1e-5, &|d| at(ThreeModeHopper { y0: base.y0 + d, ..base }, 0.0)),
         ("v0", 1e-4, &|d| at(base, d)),
         ("m", 1e-5, &|d| at(ThreeModeHopper { m: base.m + d, ..base }, 0.0)),
@@ -99,7 +108,10 @@ fn bouncing_ball_has_the_jacobian_of_its_closed_form() {
             // columns y, v, m, g, e
             for (column, expected) in [(0, by_y0[row]), (2, 0.0), (3, by_g[row]), (4, by_e[row])] {
                 let found = s[row * 5 + column];
-                assert!((found - expected).abs() <= 1e-7 * expected.abs().max(1.0), "{t} {row} {column}: {found} {expected}");
+                assert!(
+                    (found - expected).abs() <= 1e-7 * expected.abs().max(1.0),
+                    "{t} {row} {column}: {found} {expected}"
+                );
             }
         }
     }

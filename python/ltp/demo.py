@@ -88,7 +88,7 @@ def _opening(case: Case, seal: Seal) -> str:
     first = case.train[0]
     return "\n".join(
         [
-            f"A {case.model.name} was recorded with a piece of physics that its model may lack. What it is, is sealed.",
+            "A machine was recorded. Its model lacks a piece of physics; which one, and where, is sealed.",
             "",
             f"  model     {case.model.name}: {case.model.description}",
             f"  records   {records}: {first.t[-1]:g} s each, every {1e3 * first.dt:g} ms",
@@ -112,6 +112,9 @@ def _opened(label: Label, seal: Seal, diagnosis: Diagnosis, marks: Marks) -> str
     ]
     if label.effect == "nothing":
         return "\n".join([*lines, f"  nothing was concealed; {'right' if marks else 'wrong'}: {diagnosis.verdict}"])
+    notes = [c.note for c in diagnosis.candidates if (c.name, c.at) == (label.effect, label.at) and c.note]
+    if notes:  # out of the race for a reason, such as more of what a nominal parameter says already
+        return "\n".join([*lines, f"  {label.effect} at {label.at}: {notes[0]}"])
     found = diagnosis.effects[0] if diagnosis.effects else None
     rows = [
         ["name", label.effect, found.name if found else text.NONE, _word(marks.name)],
@@ -121,7 +124,7 @@ def _opened(label: Label, seal: Seal, diagnosis: Diagnosis, marks: Marks) -> str
         estimate = found.parameters.get(name) if found and marks.name and marks.place else None
         rows.append([name, text.number(true), _shown(estimate), _word(near(estimate, true))])
     lines.append(text.table(["", "concealed", "found", ""], rows, left=3))
-    if label.effect != (found.name if found else None) and f"{label.effect}@{label.at}" in diagnosis.ambiguous_with:
+    if not marks.name and f"{label.effect}@{label.at}" in diagnosis.ambiguous_with:
         lines.append("\n  The diagnosis said that it could not tell the two apart.")
     return "\n".join(lines)
 

@@ -37,7 +37,8 @@ class Location:
     """Where model and data part, and what the missing part depends on.
 
     `kind` and `at` say which port, input, output, contact or parameter; `variable` what it depends on there. `phases`
-    are the parts of the cycle, in [0, 1), when it is confined to some; `p_value` is that of the dependence.
+    are the parts of the cycle, in [0, 1), when it is confined to some; `p_value` is that of the dependence; `margin` is
+    the gain in log-likelihood that a free force at this place brings.
     """
 
     kind: str
@@ -46,6 +47,7 @@ class Location:
     variable: str | None
     phases: list[Any]
     p_value: float | None
+    margin: float | None
 
 
 @dataclass(frozen=True)
@@ -60,10 +62,10 @@ class Effect:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One explanation that was tried: `score` is 0 for the best, larger is worse.
+    """One explanation that was tried: `score` is 0 for the best, larger is worse, NaN for one out of the race.
 
-    `held_out` is its score on the test records, None without them. The entry named "nothing" is the nominal model with
-    refitted parameters.
+    `held_out` is its deviance on the held-out records less that of the nominal model, negative when it predicts better.
+    The entry named "nothing" is the nominal model with refitted parameters. `note` says why one is out of the race.
     """
 
     name: str
@@ -71,7 +73,8 @@ class Candidate:
     score: float
     held_out: float | None
     converged: bool
-    parameters: dict[str, Any]
+    parameters: dict[str, float]
+    note: str | None
 
 
 @dataclass(frozen=True)
@@ -117,10 +120,12 @@ class Fit:
 
 @dataclass(frozen=True)
 class Law:
-    """The missing force over the variable it depends on: `grid` (m,), `force` (m,) and its `sd` (m,)."""
+    """The missing force over the variable it depends on: `grid` (m,) in `variable_unit`; `force` (m,), its `sd` (m,)."""
 
     at: str
     variable: str
+    unit: str
+    variable_unit: str
     grid: Array
     force: Array
     sd: Array
@@ -196,10 +201,11 @@ def diagnose(
     Doubts (few samples, a parameter on its bound) are warned of and kept in `warnings`. Raises `InputError` when the
     recordings do not fit the model, `ConvergenceError` when nothing meaningful could be fitted.
     """
+    train, test = _listed("train", train), _listed("test", test)
     core = _ltp.diagnose(
         model._core,
-        [recording._core for recording in _listed("train", train)],
-        [recording._core for recording in _listed("test", test)],
+        [recording._core for recording in train],
+        [recording._core for recording in test],
         candidates=None if candidates is None else list(candidates),
         hold=hold,
         seed=seed,
@@ -207,7 +213,10 @@ def diagnose(
         progress=progress,
     )
     diagnosis = _parse(core)
+    known = {text for recording in [*train, *test] for text in recording.warnings}  # said when they were read
     for text in diagnosis.warnings:
+        if text in known:
+            continue
         warnings.warn(f"{diagnosis.model_name}: {text}", stacklevel=2)
     return diagnosis
 
@@ -242,7 +251,8 @@ def _parse(core: _ltp.Diagnosis) -> Diagnosis:
                 score=_number(entry["score"]),
                 held_out=entry["held_out"],
                 converged=entry["converged"],
-                parameters=entry.get("parameters", {}),
+                parameters=entry["parameters"],
+                note=entry["note"],
             )
             for entry in tree["candidates"]
         ],
@@ -251,7 +261,15 @@ def _parse(core: _ltp.Diagnosis) -> Diagnosis:
         fit=Fit([_row(row) for row in tree["fit"]["train"]], [_row(row) for row in tree["fit"]["test"]]),
         law=None
         if law is None
-        else Law(law["at"], law["variable"], _array(law["grid"]), _array(law["force"]), _array(law["sd"])),
+        else Law(
+            at=law["at"],
+            variable=law["variable"],
+            unit=law["unit"],
+            variable_unit=law["variable_unit"],
+            grid=_array(law["grid"]),
+            force=_array(law["force"]),
+            sd=_array(law["sd"]),
+        ),
         warnings=tree["warnings"],
         seconds=tree["seconds"],
         model_name=tree["model_name"],
@@ -268,6 +286,7 @@ def _location(tree: Mapping[str, Any]) -> Location:
         variable=tree.get("variable"),
         phases=tree.get("phases", []),
         p_value=tree.get("p_value"),
+        margin=tree.get("margin"),
     )
 
 

@@ -255,7 +255,9 @@ fn multisine(inputs: usize, samples: usize, dt: f64, amplitude: f64, random: &mu
     let columns: Vec<Vec<f64>> = (0..inputs)
         .map(|_| {
             let lines: Vec<(f64, f64)> = (1..=12)
-                .map(|k| (2.0 * std::f64::consts::PI * f64::from(k) / 6.0, 2.0 * std::f64::consts::PI * random.uniform()))
+                .map(|k| {
+                    (2.0 * std::f64::consts::PI * f64::from(k) / 6.0, 2.0 * std::f64::consts::PI * random.uniform())
+                })
                 .collect();
             let wave = |t: f64| lines.iter().map(|(w, phase)| (w * t + phase).sin()).sum::<f64>();
             (0..samples).map(|i| amplitude * wave(i as f64 * dt) / 6f64.sqrt()).collect()

@@ -200,9 +200,7 @@ fn work(
     // A record of its own that was predicted is the best witness; a piece cut from the train records is not one.
     let halves = if own_test { None } else { Some(halves(&train, train_start, &scene, &ties_of)?) };
     let evidence = match winner {
-        Some(w) => {
-            Some(judge::weigh(&bench, &nominal, &trials[w], halves.as_ref(), names.len() * guesses.len())?)
-        }
+        Some(w) => Some(judge::weigh(&bench, &nominal, &trials[w], halves.as_ref(), names.len() * guesses.len())?),
         None => None,
     };
     let accepted = winner.filter(|_| evidence.is_some_and(|e| e.accepted()));
@@ -212,7 +210,6 @@ fn work(
     conclude(Case {
         model,
         bench: &bench,
-        scene: &scene,
         nominal: &nominal,
         trials: &trials,
         ranking: &ranking,
@@ -228,7 +225,6 @@ fn work(
 struct Case<'a> {
     model: &'a Model,
     bench: &'a Bench<'a>,
-    scene: &'a Scene,
     nominal: &'a Trial,
     trials: &'a [Trial],
     ranking: &'a judge::Ranking,
@@ -284,7 +280,7 @@ fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         points.push(report::Point { system: &t.system, p: point(t), train: &t.fit.point.x0, test: &t.test_x0 });
     }
     let (records, fit) = report::fits(model, bench.train, bench.test, &points);
-    doubts(&case.scene.sigma, after, trials, &fit, &mut warnings);
+    doubts(after, trials, &fit, &mut warnings);
 
     let forces = case.located.as_ref().map_or(Vec::new(), |l| l.forces.clone());
     let law = match accepted {
@@ -316,7 +312,7 @@ fn conclude(case: Case<'_>) -> Result<Diagnosis> {
 }
 
 /// Doubts that a reader must know of.
-fn doubts(sigma: &[f64], after: &Trial, trials: &[Trial], fit: &result::FitReport, warnings: &mut Vec<String>) {
+fn doubts(after: &Trial, trials: &[Trial], fit: &result::FitReport, warnings: &mut Vec<String>) {
     for row in &fit.train {
         let left = row.after.unwrap_or(0.0) / row.floor.max(f64::MIN_POSITIVE);
         if left > 1.5 {
@@ -333,14 +329,16 @@ fn doubts(sigma: &[f64], after: &Trial, trials: &[Trial], fit: &result::FitRepor
     for ((&i, v), prior) in free.iter().zip(&after.fit.point.theta).zip(&after.priors) {
         if *v <= prior.bounds.0 || *v >= prior.bounds.1 {
             let name = &after.model.parameters()[i].name;
-            warnings.push(format!("parameter `{name}` ended on its bound {}: widen it or doubt the model", report::number(*v)));
+            warnings.push(format!(
+                "parameter `{name}` ended on its bound {}: widen it or doubt the model",
+                report::number(*v)
+            ));
         }
     }
     let lost: Vec<String> = trials.iter().filter(|t| !t.fit.converged).map(Trial::label).collect();
     if !lost.is_empty() {
         warnings.push(format!("not converged, so that its rank may be too low: {}", lost.join(", ")));
     }
-    debug_assert!(sigma.iter().all(|s| *s > 0.0));
 }
 
 fn effect_names(model: &Model, options: &Options) -> Result<Vec<String>> {
@@ -387,13 +385,11 @@ fn split(
     Ok(parts)
 }
 
+/// Observers for experiments from given starts, at a bandwidth relative to the speed of the motion.
+type TiesOf<'a> = dyn Fn(&[Experiment], &[Vec<f64>], &Scene, f64) -> Result<Ties> + 'a;
+
 /// Halves of the train records for two-fold prediction.
-fn halves(
-    train: &[Experiment],
-    start: &[Vec<f64>],
-    scene: &Scene,
-    ties_of: &dyn Fn(&[Experiment], &[Vec<f64>], &Scene, f64) -> Result<Ties>,
-) -> Result<judge::Halves> {
+fn halves(train: &[Experiment], start: &[Vec<f64>], scene: &Scene, ties_of: &TiesOf<'_>) -> Result<judge::Halves> {
     let first: Vec<Experiment> = train.iter().map(|e| e.part(0, e.len() / 2)).collect();
     let second: Vec<Experiment> = train.iter().map(|e| e.part(e.len() / 2, e.len())).collect();
     let ties = [ties_of(&first, start, scene, 1.0)?, ties_of(&second, &scene.middle, scene, 1.0)?];

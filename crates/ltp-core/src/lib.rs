@@ -4,12 +4,12 @@
 //! sensitivities through its events; [`signal::Recording`] is what was measured; [`diagnose`] is the only room with doors
 //! to both sides.
 
+pub mod conceal;
+pub mod diagnose;
 pub mod error;
 pub mod model;
 pub mod numeric;
 pub mod signal;
 pub mod simulate;
-pub mod conceal;
-pub mod diagnose;
 
 pub use error::{Error, Result};

@@ -1,13 +1,14 @@
 //! The noun `Model`: equations as data, differentiated exactly and compiled to native code.
 //!
 //! Read in order: [`document`] (the tree a file holds), [`parse`] (expressions), [`units`], [`effects`] (the library of
-//! candidate physics), [`graph`] (shared expressions and derivatives), [`assemble`] (names and equations), [`friction`]
+//! candidate physics), [`graph`] (shared expressions), `derivative`, [`assemble`] (names and equations), [`friction`]
 //! (slip and stick), [`tape`] and [`native`] (evaluation), [`stepper`] (a whole step as one program), [`system`] (the
 //! trait simulation works on).
 
 pub mod assemble;
 pub mod check_units;
 pub mod compiled;
+mod derivative;
 pub mod document;
 pub mod effects;
 pub mod friction;
@@ -277,7 +278,8 @@ impl Model {
 
     /// The model's starting mode with dry friction set apart, for the plain evaluator; `None` for a hybrid model.
     pub fn parts(&self) -> Option<friction::Parts> {
-        let smooth = self.assembly.modes.len() == 1 && self.assembly.events.is_empty() && self.assembly.ticks.is_empty();
+        let smooth =
+            self.assembly.modes.len() == 1 && self.assembly.events.is_empty() && self.assembly.ticks.is_empty();
         smooth.then(|| friction::parts(&self.assembly, self.assembly.initial_mode))
     }
 

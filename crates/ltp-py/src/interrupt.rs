@@ -52,6 +52,9 @@ impl<S: System> System for Interruptible<S> {
     fn initial_state(&self) -> Vec<f64> {
         self.system.initial_state()
     }
+    fn state_name(&self, state: usize) -> String {
+        self.system.state_name(state)
+    }
     fn initial_mode(&self) -> usize {
         self.system.initial_mode()
     }

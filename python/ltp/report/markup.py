@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -25,6 +26,11 @@ def escape(text: object) -> str:
     """Text for HTML content and attributes; control characters, which HTML forbids, become a replacement mark."""
     clean = "".join(ch if ch.isprintable() or ch in "\n\t\u00a0\u202f" else "\ufffd" for ch in str(text))
     return html.escape(clean, quote=True)
+
+
+def prose(text: object) -> str:
+    """As :func:`escape`, with names in backticks set as code."""
+    return re.sub(r"`([^`\n]+)`", r"<code>\1</code>", escape(text))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, text_columns: int = 1) -> str:

@@ -129,7 +129,8 @@ pub fn nominal(bench: &Bench<'_>) -> Result<Trial> {
         method: "fit of the nominal model".into(),
         iterations: 0,
         residual: f64::INFINITY,
-        advice: "it cannot be simulated along the recordings: check signs and units of the model and of the columns".into(),
+        advice: "it cannot be simulated along the recordings: check signs and units of the model and of the columns"
+            .into(),
     })
 }
 
@@ -175,7 +176,6 @@ fn trial(
     let test_x0 = predict(bench, &system, &priors, &fit.point.theta);
     let p = full(&system, &fit.point.theta);
     let residuals = Residuals::of(&system, &p, (bench.train, &fit.point.x0), (bench.test, &test_x0));
-    let own = |i: &usize| model.parameters()[*i].effect.is_some();
     Ok(Some(Trial { effect, model, system, priors, fit, test_x0, residuals, imitated: false }))
 }
 
@@ -264,12 +264,11 @@ pub fn all(bench: &Bench<'_>, names: &[String], guesses: &[PortGuess], nominal: 
         .collect();
     for rich in richer {
         let Some((name, port)) = rich.effect.clone() else { continue };
-        if let Some(b) = base_of(&name).and_then(|b| find(&trials, &b, &port)) {
-            if rich.fit.cost < trials[b].fit.cost {
-                if let Some(better) = again(bench, &trials[b], &rich)? {
-                    trials[b] = better;
-                }
-            }
+        let simple = base_of(&name).and_then(|b| find(&trials, &b, &port));
+        if let Some(b) = simple.filter(|&b| rich.fit.cost < trials[b].fit.cost)
+            && let Some(better) = again(bench, &trials[b], &rich)?
+        {
+            trials[b] = better;
         }
         trials.push(rich);
     }
@@ -346,13 +345,14 @@ fn one(
     // What nominal parameters can do as well needs no search: one rough fit shows its row in the table. The question is
     // asked where the effect is still absent: later the scale of all forces together could imitate it.
     let absent = |k: usize| effect.parameters.get_index(k).is_some_and(|(_, p)| p.shape.is_empty());
-    let zero: Vec<f64> = (0..effect.parameters.len()).map(|k| if absent(k) { 0.0 } else { priors[n_nominal + k].scale }).collect();
-    let without = Point { theta: [nominal.fit.point.theta.as_slice(), &zero].concat(), x0: nominal.fit.point.x0.clone() };
+    let zero: Vec<f64> =
+        (0..effect.parameters.len()).map(|k| if absent(k) { 0.0 } else { priors[n_nominal + k].scale }).collect();
+    let without =
+        Point { theta: [nominal.fit.point.theta.as_slice(), &zero].concat(), x0: nominal.fit.point.x0.clone() };
     let subject = Subject { system: &system, priors: &priors, moves: true };
     let hopeless = effect.extends.is_none()
-        && distinct(&subject, bench.train, &without).is_some_and(|d| {
-            (0..zero.len()).filter(|k| absent(*k)).all(|k| d[n_nominal + k] < IMITATED)
-        });
+        && distinct(&subject, bench.train, &without)
+            .is_some_and(|d| (0..zero.len()).filter(|k| absent(*k)).all(|k| d[n_nominal + k] < IMITATED));
     if hopeless {
         starts.drain(..starts.len() - 1);
     }
@@ -365,13 +365,8 @@ fn one(
 /// The simpler member of a family once more, from where the richer one ended.
 fn again(bench: &Bench<'_>, simple: &Trial, rich: &Trial) -> Result<Option<Trial>> {
     let infos = rich.model.parameters();
-    let values: IndexMap<&str, f64> = rich
-        .system
-        .free()
-        .iter()
-        .zip(&rich.fit.point.theta)
-        .map(|(&i, v)| (short(&infos[i].name), *v))
-        .collect();
+    let values: IndexMap<&str, f64> =
+        rich.system.free().iter().zip(&rich.fit.point.theta).map(|(&i, v)| (short(&infos[i].name), *v)).collect();
     let names = simple.system.free().iter().map(|&i| short(&simple.model.parameters()[i].name));
     let theta: Vec<f64> =
         names.zip(&simple.fit.point.theta).map(|(n, old)| values.get(n).copied().unwrap_or(*old)).collect();

@@ -92,11 +92,6 @@ impl Experiment {
         self.y.len() / self.ny
     }
 
-    /// Whether there are no samples.
-    pub fn is_empty(&self) -> bool {
-        self.y.is_empty()
-    }
-
     /// Number of outputs.
     pub fn outputs(&self) -> usize {
         self.ny
@@ -110,11 +105,7 @@ impl Experiment {
     /// Samples `from..to` as an experiment of their own.
     #[must_use]
     pub fn part(&self, from: usize, to: usize) -> Self {
-        Self {
-            t0: self.t0 + from as f64 * self.dt,
-            y: self.y[from * self.ny..to * self.ny].to_vec(),
-            ..self.clone()
-        }
+        Self { t0: self.t0 + from as f64 * self.dt, y: self.y[from * self.ny..to * self.ny].to_vec(), ..self.clone() }
     }
 }
 
@@ -124,6 +115,9 @@ pub struct Observer<'a> {
     /// Gains of every sample, row-major.
     pub gains: &'a [f64],
 }
+
+/// Called for each sample with its number, the outputs and their derivatives.
+pub type Each<'a> = dyn FnMut(usize, &[f64], &[f64]) + 'a;
 
 /// A run of a system along an experiment.
 #[derive(Clone, Copy)]
@@ -150,7 +144,7 @@ impl Run<'_> {
     ///
     /// # Errors
     /// The reason why the run ended early.
-    pub fn go(&self, derivatives: bool, each: &mut dyn FnMut(usize, &[f64], &[f64])) -> std::result::Result<(), Stop> {
+    pub fn go(&self, derivatives: bool, each: &mut Each<'_>) -> std::result::Result<(), Stop> {
         let Run { system, p, x0, experiment: e, substeps, observer, control } = *self;
         let (nx, nf, ny) = (system.states(), system.free().len(), e.ny);
         let ns = nx + nf;

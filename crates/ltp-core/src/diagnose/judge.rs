@@ -62,8 +62,7 @@ impl Ranking {
         let (name, port) = trials[rich].effect.as_ref()?;
         let effect = trials[rich].model.library().get(name).ok()?;
         let base = effect.extends.as_ref()?;
-        let simple =
-            trials.iter().position(|t| t.effect.as_ref().is_some_and(|(e, p)| e == base && p == port))?;
+        let simple = trials.iter().position(|t| t.effect.as_ref().is_some_and(|(e, p)| e == base && p == port))?;
         if !self.score(simple).is_finite() {
             return None;
         }
@@ -143,7 +142,13 @@ impl Evidence {
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`].
-pub fn weigh(bench: &Bench<'_>, nominal: &Trial, trial: &Trial, halves: Option<&Halves>, library: usize) -> Result<Evidence> {
+pub fn weigh(
+    bench: &Bench<'_>,
+    nominal: &Trial,
+    trial: &Trial,
+    halves: Option<&Halves>,
+    library: usize,
+) -> Result<Evidence> {
     let (a, b) = (&nominal.residuals, &trial.residuals);
     let samples: f64 = (0..bench.train.sigma.len()).map(|j| a.energy(&a.train, j).1).sum();
     let added = (trial.fit.point.theta.len() - nominal.fit.point.theta.len()) as f64;

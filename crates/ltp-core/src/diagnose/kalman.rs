@@ -138,7 +138,7 @@ impl Filter<'_> {
                 }
             }
             if x.iter().any(|v| !v.is_finite()) {
-                return Err(Stop::Escape { time: engine.time(), mode: String::new(), state: 0 });
+                return Err(Stop::Escape { time: engine.time(), mode: String::new(), state: String::new() });
             }
             engine.correct(x.as_slice(), &identity);
             out.steps.push(Memory {

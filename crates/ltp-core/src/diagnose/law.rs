@@ -6,6 +6,7 @@ use super::prepare::Scene;
 use super::result::{Force, Law};
 use crate::error::Result;
 use crate::model::document::{Definition, Input, Parameter, State};
+use crate::model::effects;
 use crate::model::{Backend, Compiled, Document, Library, Model, Point, System};
 use crate::numeric::stats;
 
@@ -108,7 +109,8 @@ fn positions(forces: &[Force]) -> Vec<f64> {
 
 /// Sizes at a port from what its force and motion did.
 pub fn port_scales(forces: &[Force], scene: &Scene) -> PortScales {
-    let all = |of: &dyn Fn(&Force) -> &Vec<f64>| -> f64 { stats::rms(forces.iter().flat_map(|f| of(f).iter().copied())) };
+    let all =
+        |of: &dyn Fn(&Force) -> &Vec<f64>| -> f64 { stats::rms(forces.iter().flat_map(|f| of(f).iter().copied())) };
     let force = all(&|f| &f.force);
     let velocity = forces.iter().flat_map(|f| f.velocity.iter()).fold(0.0_f64, |m, v| m.max(v.abs()));
     let floor = |v: f64| if v > 0.0 && v.is_finite() { v } else { 1.0 };
@@ -132,21 +134,13 @@ pub struct PortScales {
 impl PortScales {
     /// Size of a quantity given in words of the port, such as `force/velocity^2`.
     pub fn of(&self, words: &str) -> f64 {
-        let mut size = 1.0;
-        let mut divide = false;
-        for word in words.split_inclusive(['/', ' ']) {
-            let text = word.trim_end_matches(['/', ' ']);
-            let (name, power) = text.split_once('^').map_or((text, 1.0), |(n, e)| (n, e.parse().unwrap_or(1.0)));
-            let value: f64 = match name {
-                "force" => self.force,
-                "velocity" => self.velocity,
-                "position" => self.position,
-                "time" => self.time,
-                _ => 1.0,
-            };
-            size *= value.powf(if divide { -power } else { power });
-            divide = word.ends_with('/');
-        }
-        size
+        let size = |name: &str| match name {
+            "force" => self.force,
+            "velocity" => self.velocity,
+            "position" => self.position,
+            "time" => self.time,
+            _ => 1.0,
+        };
+        effects::words(words).into_iter().map(|(name, power)| size(name).powf(power)).product()
     }
 }

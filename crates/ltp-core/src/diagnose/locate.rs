@@ -17,6 +17,14 @@ use crate::numeric::{regression, stats};
 const SHIFTS: usize = 199;
 /// Speed below which a port counts as at rest, relative to its rms speed.
 const REST: f64 = 0.05;
+/// Pieces of the splines for laws that are smooth over the range of motion, for laws that repeat within it (a cogging
+/// motor, a gear), and for drift in time.
+const SMOOTH: usize = 8;
+const RIPPLED: usize = 40;
+const DRIFT: usize = 3;
+/// Blocks that are left out in turn: long against the memory of the motion, short against the time in which it comes back to
+/// the same positions and speeds, since a law cannot be judged where it was never seen.
+pub const BLOCKS: usize = 25;
 /// Samples kept for the regression.
 const KEPT: usize = 2000;
 
@@ -81,10 +89,10 @@ pub fn at_port(
     let mut best: Option<(f64, f64)> = None;
     for decade in [-3.0, -2.25, -1.5, -0.75, 0.0, 0.75] {
         let intensity = reach * 10f64.powf(decade) / (0.05 * seconds).sqrt();
-        if let Some((l, _)) = run(intensity, false)? {
-            if best.is_none_or(|(b, _)| l > b) {
-                best = Some((l, intensity));
-            }
+        if let Some((l, _)) = run(intensity, false)?
+            && best.is_none_or(|(b, _)| l > b)
+        {
+            best = Some((l, intensity));
         }
     }
     let Some((likelihood, intensity)) = best else { return Ok(None) };
@@ -169,28 +177,20 @@ pub fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
     let (q, v) = (scaled(&q), scaled(&v));
     // At rest dry friction takes whatever value holds: those samples say nothing about the law.
     let w: Vec<f64> = w.iter().zip(&v).map(|(w, v)| if v.abs() < REST { f64::NAN } else { *w }).collect();
-    let power = |x: &[f64], n: i32| -> Vec<f64> { x.iter().map(|x| x.powi(n)).collect() };
     let sign: Vec<f64> = v.iter().map(|v| v.signum()).collect();
     let drag: Vec<f64> = v.iter().map(|v| v * v.abs()).collect();
-    let (first, last) = (t.iter().copied().fold(f64::INFINITY, f64::min), t.iter().copied().fold(0.0, f64::max));
-    let drift: Vec<Vec<f64>> = match BSplines::new(first, last.max(first + 1e-9), 3) {
-        Ok(basis) => {
-            let rows: Vec<Vec<f64>> = t.iter().map(|&t| basis.row(t)).collect();
-            (1..basis.len()).map(|j| rows.iter().map(|r| r[j]).collect()).collect()
-        }
-        Err(_) => Vec::new(),
-    };
     // What nominal parameters could still explain.
     let free = forces.first().map_or(0, |f| f.imitable.len());
     let base: Vec<Vec<f64>> = (0..free)
         .map(|c| scaled(&pick(&|f| &f.imitable[c])))
         .filter(|column| stats::std(column.iter().copied()) > 1e-9)
         .collect();
-    let groups: [(&'static str, Vec<Vec<f64>>); 4] = [
+    let groups: [(&'static str, Vec<Vec<f64>>); 5] = [
         ("sign of velocity", vec![sign]),
-        ("velocity", vec![v.clone(), drag, power(&v, 3)]),
-        ("position", vec![q.clone(), power(&q, 2), power(&q, 3)]),
-        ("time", drift),
+        ("velocity", [vec![v.clone(), drag], splines(&v, SMOOTH)].concat()),
+        ("position", [vec![q.clone()], splines(&q, SMOOTH)].concat()),
+        ("position", splines(&q, RIPPLED)),
+        ("time", splines(&t, DRIFT)),
     ];
     let present: Vec<f64> = w.iter().copied().filter(|v| v.is_finite()).collect();
     if stats::mean(present.iter().copied()).abs() > stats::std(present.iter().copied()) {
@@ -201,6 +201,15 @@ pub fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
     if beyond.1 > 0.0 { beyond } else { strongest(&w, &[], &groups, seed) }
 }
 
+/// A smooth function of a series: its cubic B-splines between the one-percent quantiles, the first left out because a
+/// constant is always part of a regression.
+pub fn splines(x: &[f64], pieces: usize) -> Vec<Vec<f64>> {
+    let (low, high) = (stats::quantile(x, 0.01), stats::quantile(x, 0.99));
+    let Ok(basis) = BSplines::new(low, high, pieces) else { return Vec::new() };
+    let rows: Vec<Vec<f64>> = x.iter().map(|&x| basis.row(x.clamp(low, high))).collect();
+    (1..basis.len()).map(|j| rows.iter().map(|r| r[j]).collect()).collect()
+}
+
 /// The group of columns that explains most of a series beyond a base.
 fn strongest(
     w: &[f64],
@@ -208,14 +217,14 @@ fn strongest(
     groups: &[(&'static str, Vec<Vec<f64>>)],
     seed: u64,
 ) -> (&'static str, f64, f64) {
-    let own = if base.is_empty() { 0.0 } else { regression::explained(w, base, 5).max(0.0) };
+    let own = if base.is_empty() { 0.0 } else { regression::explained(w, base, BLOCKS).max(0.0) };
     let mut best = ("nothing it was tested against", 0.0, 1.0);
     for (name, columns) in groups {
         let mut all = base.to_vec();
         all.extend(columns.iter().cloned());
-        let share = regression::explained(w, &all, 5) - own;
+        let share = regression::explained(w, &all, BLOCKS) - own;
         if share > best.1 + 0.02 {
-            let p = regression::shift_p_value(w, base, columns, 5, SHIFTS, seed);
+            let p = regression::shift_p_value(w, base, columns, BLOCKS, SHIFTS, seed);
             best = (*name, share, if p.is_finite() { p } else { 1.0 });
         }
     }

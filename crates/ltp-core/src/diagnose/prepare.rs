@@ -250,7 +250,8 @@ impl<'a> Follower<'a> {
             Scene { state_scale: rough.clone(), sigma: sigma.clone(), speed, start: Vec::new(), middle: Vec::new() };
         let mut largest = vec![0.0_f64; self.states];
         for (r, e) in train.iter().chain(test).enumerate() {
-            let followed = [4.0, 16.0, 1.0].into_iter().find_map(|f| self.smooth(e, &initial, &rough, &sigma, f * speed));
+            let followed =
+                [4.0, 16.0, 1.0].into_iter().find_map(|f| self.smooth(e, &initial, &rough, &sigma, f * speed));
             let at = |k: usize| -> Vec<f64> {
                 followed.as_ref().map_or(initial.clone(), |s| s.x[k * nx..k * nx + self.states].to_vec())
             };
@@ -287,9 +288,8 @@ pub fn substeps(system: &dyn System, p: &[f64], ground: Ground<'_>, start: &[Vec
     for n in [1, 2, 4, 8, 16, 32] {
         let (Some(coarse), Some(fine)) = (runs(n)?, runs(4 * n)?) else { continue };
         let error = |j: usize| {
-            let each = coarse.iter().zip(&fine).flat_map(|(a, b)| {
-                a.iter().zip(b).skip(j).step_by(ny).map(|(a, b)| a - b)
-            });
+            let each =
+                coarse.iter().zip(&fine).flat_map(|(a, b)| a.iter().zip(b).skip(j).step_by(ny).map(|(a, b)| a - b));
             stats::rms(each)
         };
         let errors: Vec<f64> = (0..ny).map(error).collect();
@@ -303,9 +303,10 @@ pub fn substeps(system: &dyn System, p: &[f64], ground: Ground<'_>, start: &[Vec
         method: "simulation of the nominal model along the recordings".into(),
         iterations: 0,
         residual: f64::INFINITY,
-        advice: "it leaves the finite numbers: check signs, units and starting values of the model, or put an unstable \
+        advice:
+            "it leaves the finite numbers: check signs, units and starting values of the model, or put an unstable \
                  plant inside its control loop"
-            .into(),
+                .into(),
     })
 }
 

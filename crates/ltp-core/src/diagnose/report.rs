@@ -43,12 +43,7 @@ fn outputs(point: &Point<'_>, train: Ground<'_>, test: Ground<'_>) -> Vec<Vec<f6
 }
 
 /// Traces and error table of all records: as stated, refitted, and with the effect where one was named.
-pub fn fits(
-    model: &Model,
-    train: Ground<'_>,
-    test: Ground<'_>,
-    points: &[Point<'_>],
-) -> (Vec<RecordTrace>, FitReport) {
+pub fn fits(model: &Model, train: Ground<'_>, test: Ground<'_>, points: &[Point<'_>]) -> (Vec<RecordTrace>, FitReport) {
     let runs: Vec<Vec<Vec<f64>>> = points.iter().map(|p| outputs(p, train, test)).collect();
     let mut traces = Vec::new();
     let mut report = FitReport::default();
@@ -234,9 +229,10 @@ pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
     });
     let rows = if d.fit.test.is_empty() { &d.fit.train } else { &d.fit.test };
     let which = if d.fit.test.is_empty() { "training" } else { "held-out" };
-    let worst = rows.iter().filter_map(|r| Some((r, r.rms_before?, r.rms_after?))).max_by(|a, b| {
-        (a.0.before.unwrap_or(0.0)).total_cmp(&b.0.before.unwrap_or(0.0))
-    });
+    let worst = rows
+        .iter()
+        .filter_map(|r| Some((r, r.rms_before?, r.rms_after?)))
+        .max_by(|a, b| (a.0.before.unwrap_or(0.0)).total_cmp(&b.0.before.unwrap_or(0.0)));
     let errors = worst.map_or(String::new(), |(r, before, after)| {
         let floor = if r.before.unwrap_or(0.0) > 0.0 { before * r.floor / r.before.unwrap_or(1.0) } else { 0.0 };
         let unit = if r.unit == "1" { String::new() } else { format!(" {}", r.unit) };

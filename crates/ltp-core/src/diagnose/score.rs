@@ -21,12 +21,7 @@ pub struct Residuals {
 
 impl Residuals {
     /// Residuals of a system at given parameters and initial states; NaN throughout where a run fails.
-    pub fn of(
-        system: &Compiled,
-        p: &[f64],
-        train: (Ground<'_>, &[Vec<f64>]),
-        test: (Ground<'_>, &[Vec<f64>]),
-    ) -> Self {
+    pub fn of(system: &Compiled, p: &[f64], train: (Ground<'_>, &[Vec<f64>]), test: (Ground<'_>, &[Vec<f64>])) -> Self {
         let all = |(ground, x0): (Ground<'_>, &[Vec<f64>])| -> Vec<Vec<f64>> {
             ground.experiments.iter().zip(x0).map(|(e, x0)| one(system, p, ground, e, x0)).collect()
         };

@@ -1,20 +1,23 @@
 //! Physics outside the library: a force law over what it depends on, without a name.
 
 use super::candidates::Trial;
-use super::locate::Located;
+use super::locate::{BLOCKS, Located, splines};
 use super::result::Law;
 use crate::numeric::rows::RowQr;
 use crate::numeric::spline::BSplines;
-use crate::numeric::stats;
+use crate::numeric::{regression, stats};
 
 /// Largest p-value of the dependence.
 const P_VALUE: f64 = 0.01;
 /// Smallest share of the missing force that the variable must explain on left-out blocks.
-const EXPLAINED: f64 = 0.5;
+const EXPLAINED: f64 = 0.3;
 /// Smallest residual, in units of noise, that calls for new physics.
 const LARGE: f64 = 2.0;
-/// Pieces of the cubic spline.
-const PIECES: usize = 10;
+/// Pieces of the cubic spline that are tried; the number that predicts left-out blocks best is drawn.
+const PIECES: [usize; 4] = [8, 16, 32, 48];
+
+/// Samples from which the number of pieces is chosen.
+const KEPT: usize = 4000;
 
 /// The law of a mismatch that is large, depends clearly on one variable, and has no name in the library.
 pub fn law(located: &Located, nominal: &Trial) -> Option<Law> {
@@ -44,7 +47,12 @@ pub fn law(located: &Located, nominal: &Trial) -> Option<Law> {
         .collect();
     let xs: Vec<f64> = pairs.iter().map(|p| p.0).collect();
     let (low, high) = (stats::quantile(&xs, 0.01), stats::quantile(&xs, 0.99));
-    let basis = BSplines::new(low, high, PIECES).ok()?;
+    let every = pairs.len().div_ceil(KEPT).max(1);
+    let thin: Vec<f64> = xs.iter().copied().step_by(every).collect();
+    let force: Vec<f64> = pairs.iter().map(|p| p.1).step_by(every).collect();
+    let predicts = |pieces: usize| regression::explained(&force, &splines(&thin, pieces), BLOCKS);
+    let pieces = PIECES.into_iter().max_by(|a, b| predicts(*a).total_cmp(&predicts(*b)))?;
+    let basis = BSplines::new(low, high, pieces).ok()?;
     let mut rows = RowQr::new(basis.len());
     for (x, w) in &pairs {
         if (low..=high).contains(x) {

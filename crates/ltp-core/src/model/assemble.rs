@@ -255,11 +255,11 @@ fn mode_equations(
         }
     }
     let mut rows = super::mass_matrix::Rows::read(g, scope, doc)?;
-    if let Some(rows) = &rows {
-        if let Some(&i) = rows.velocities.iter().find(|&&i| flow[i].is_some()) {
-            let name = &scope.names.states[i];
-            return Err(fault(&prefix, format!("`{name}` has a row in the mass matrix; remove its flow")));
-        }
+    if let Some(rows) = &rows
+        && let Some(&i) = rows.velocities.iter().find(|&&i| flow[i].is_some())
+    {
+        let name = &scope.names.states[i];
+        return Err(fault(&prefix, format!("`{name}` has a row in the mass matrix; remove its flow")));
     }
     // What the force of each port does here: add to a rate, to a row of the mass matrix, or (in `scope`) to a signal.
     for (j, (name, port)) in doc.ports.iter().enumerate() {

@@ -50,7 +50,11 @@ pub fn check(doc: &Document, source: &str) -> Result<()> {
             if (unit.factor() - 1.0).abs() > 1e-12 {
                 let message = format!(
                     "`{text}` is not a coherent SI unit: give the value in `{}` (it is {} of them)",
-                    if same(&unit.dimensions(), &DIMENSIONLESS) { "rad".into() } else { Unit::of_dimensions(&unit.dimensions()).to_string() },
+                    if same(&unit.dimensions(), &DIMENSIONLESS) {
+                        "rad".into()
+                    } else {
+                        Unit::of_dimensions(&unit.dimensions()).to_string()
+                    },
                     unit.factor()
                 );
                 return Err(Error::Unit { path, message });
@@ -118,7 +122,9 @@ impl Checker<'_> {
             for (target, text) in tables.into_iter().flatten() {
                 let row = doc.mass_matrix.as_ref().and_then(|m| m.velocities.iter().position(|v| v == target));
                 let wanted = match row {
-                    Some(i) => self.dim_of(&doc.mass_matrix.as_ref().map(|m| m.forces[i].clone()).unwrap_or_default(), "")?,
+                    Some(i) => {
+                        self.dim_of(&doc.mass_matrix.as_ref().map(|m| m.forces[i].clone()).unwrap_or_default(), "")?
+                    }
                     None if doc.signals.contains_key(target) => self.signal(target, 0)?,
                     None => self.rate(target).map_or(Dim::Unknown, Dim::Known),
                 };
@@ -137,7 +143,8 @@ impl Checker<'_> {
         for (i, (row, force)) in m.matrix.iter().zip(&m.forces).enumerate() {
             let Dim::Known(f) = self.dim_of(force, &format!("mass_matrix.forces[{i}]"))? else { continue };
             for (j, (entry, v)) in row.iter().zip(&m.velocities).enumerate() {
-                let wanted = self.rate(v).map(|r| Unit::of_dimensions(&f).times(&Unit::of_dimensions(&r), -1.0).dimensions());
+                let wanted =
+                    self.rate(v).map(|r| Unit::of_dimensions(&f).times(&Unit::of_dimensions(&r), -1.0).dimensions());
                 self.wants(entry, wanted, &format!("mass_matrix.matrix[{i}][{j}]"), "force over acceleration")?;
             }
         }
@@ -229,9 +236,7 @@ impl Checker<'_> {
                             (Dim::Number, Dim::Number) => Dim::Number,
                             (Dim::Known(l), Dim::Number) => Dim::Known(l),
                             (Dim::Number, Dim::Known(r)) => Dim::Known(r.map(|e| sign * e)),
-                            (Dim::Known(l), Dim::Known(r)) => {
-                                Dim::Known(std::array::from_fn(|i| l[i] + sign * r[i]))
-                            }
+                            (Dim::Known(l), Dim::Known(r)) => Dim::Known(std::array::from_fn(|i| l[i] + sign * r[i])),
                         }
                     }
                     Fun2::Pow => match (l, exponent(b)) {
@@ -243,7 +248,12 @@ impl Checker<'_> {
                     _ => {
                         let sum = match (l, r) {
                             (Dim::Known(a), Dim::Known(b)) if !same(&a, &b) => {
-                                return clash(*at, &a, &b, if matches!(f, Fun2::Add | Fun2::Sub) { "and" } else { "against" });
+                                return clash(
+                                    *at,
+                                    &a,
+                                    &b,
+                                    if matches!(f, Fun2::Add | Fun2::Sub) { "and" } else { "against" },
+                                );
                             }
                             (Dim::Known(d), _) | (_, Dim::Known(d)) => Dim::Known(d),
                             (Dim::Number, Dim::Number) => Dim::Number,

@@ -68,13 +68,16 @@ enum Kind {
     Break(usize, Contact),
 }
 
+/// A guard with its value, its additional condition and the state after it.
+type GuardExpressions = (Guard, Kind, Id, Option<Id>, Vec<Id>);
+
 /// Expressions of one combined mode.
 struct Expressions {
     graph: Graph,
     flow: Vec<Id>,
     output: Vec<Id>,
     dry: Forces,
-    guards: Vec<(Guard, Kind, Id, Option<Id>, Vec<Id>)>,
+    guards: Vec<GuardExpressions>,
 }
 
 impl Compiled {
@@ -315,6 +318,9 @@ impl System for Compiled {
     }
     fn initial_state(&self) -> Vec<f64> {
         self.assembly.initial.clone()
+    }
+    fn state_name(&self, state: usize) -> String {
+        self.assembly.states[state].clone()
     }
     fn initial_mode(&self) -> usize {
         self.product.join(self.assembly.initial_mode, &vec![Contact::Forward; self.product.elements])

@@ -79,6 +79,19 @@ pub struct EffectParameter {
     pub shape: Vec<f64>,
 }
 
+/// The factors of a unit or size in words of a port: `force/velocity^2` is force to the 1, velocity to the -2.
+pub fn words(text: &str) -> Vec<(&str, f64)> {
+    let mut sign = 1.0;
+    let mut out = Vec::new();
+    for word in text.split_inclusive(['/', ' ']) {
+        let bare = word.trim_end_matches(['/', ' ']);
+        let (name, power) = bare.split_once('^').map_or((bare, 1.0), |(n, p)| (n, p.parse().unwrap_or(1.0)));
+        out.push((name, sign * power));
+        sign = if word.ends_with('/') { -1.0 } else { 1.0 };
+    }
+    out
+}
+
 /// Effects by name: the ones that ship with the crate and those a user adds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Library {

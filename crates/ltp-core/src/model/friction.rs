@@ -59,7 +59,10 @@ impl Product {
                 let velocity = mode.ports[a.dry_ports[i]].1;
                 let authority = along(&mut g, velocity, &slope);
                 if acts && g.is_zero(authority) {
-                    return Err(fault(i, "this port's force does not accelerate this port's velocity: friction cannot hold it"));
+                    return Err(fault(
+                        i,
+                        "this port's force does not accelerate this port's velocity: friction cannot hold it",
+                    ));
                 }
                 row.push(acts);
             }

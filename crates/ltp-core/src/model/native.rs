@@ -51,7 +51,10 @@ impl Native {
     #[inline]
     pub fn eval(&self, at: Point<'_>, out: &mut [f64]) {
         let [x, u, p, o] = self.needs;
-        assert!(at.x.len() >= x && at.u.len() >= u && at.p.len() >= p && out.len() >= o, "slices shorter than the model");
+        assert!(
+            at.x.len() >= x && at.u.len() >= u && at.p.len() >= p && out.len() >= o,
+            "slices shorter than the model"
+        );
         // SAFETY: the code reads at most `needs` values from each slice and writes `o` values; lengths checked above.
         unsafe { (self.entry)(at.t, at.x.as_ptr(), at.u.as_ptr(), at.p.as_ptr(), out.as_mut_ptr()) }
     }

@@ -126,14 +126,8 @@ impl Parser<'_> {
         let left = self.sum()?;
         self.space();
         let at = self.at;
-        let order = [
-            ("<=", Fun2::Le),
-            (">=", Fun2::Ge),
-            ("==", Fun2::Eq),
-            ("!=", Fun2::Ne),
-            ("<", Fun2::Lt),
-            (">", Fun2::Gt),
-        ];
+        let order =
+            [("<=", Fun2::Le), (">=", Fun2::Ge), ("==", Fun2::Eq), ("!=", Fun2::Ne), ("<", Fun2::Lt), (">", Fun2::Gt)];
         for (token, f) in order {
             if self.eat(token) {
                 let right = self.sum()?;
@@ -159,7 +153,9 @@ impl Parser<'_> {
             }
             self.operators += 1;
             if self.operators > LENGTH {
-                return Err(self.error(at, format!("more than {LENGTH} operators; split the expression with [signals]")));
+                return Err(
+                    self.error(at, format!("more than {LENGTH} operators; split the expression with [signals]"))
+                );
             }
             self.at += token.len();
             let right = next(self)?;
@@ -306,7 +302,9 @@ pub fn suggestion(near: &[String]) -> String {
     match near {
         [] => String::new(),
         [one] => format!("; did you mean `{one}`?"),
-        many => format!("; did you mean one of {}?", many.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")),
+        many => {
+            format!("; did you mean one of {}?", many.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", "))
+        }
     }
 }
 

@@ -192,13 +192,7 @@ pub fn port_unit(words: &str, doc: &Document, port: usize, path: &str) -> Result
     let unit_of = |text: Option<&str>| text.map_or(Ok(Unit::one()), |t| Unit::parse(t, path));
     let declared = |expression: &str| -> Option<&str> { doc.states.get(expression.trim())?.unit.as_deref() };
     let mut result = Unit::one();
-    let mut power = 1.0;
-    for word in words.split_inclusive(['/', ' ']) {
-        let divides_next = word.ends_with('/');
-        let (name, exponent) = match word.trim_end_matches(['/', ' ']).split_once('^') {
-            Some((n, e)) => (n, e.parse().unwrap_or(1.0)),
-            None => (word.trim_end_matches(['/', ' ']), 1.0),
-        };
+    for (name, power) in super::effects::words(words) {
         let second = Unit::parse("s", path)?;
         let unit = match name {
             "force" => unit_of(p.unit.as_deref())?,
@@ -213,8 +207,7 @@ pub fn port_unit(words: &str, doc: &Document, port: usize, path: &str) -> Result
             "time" => second,
             _ => Unit::one(),
         };
-        result = result.times(&unit, power * exponent);
-        power = if divides_next { -1.0 } else { 1.0 };
+        result = result.times(&unit, power);
     }
     Ok(result)
 }
@@ -337,7 +330,12 @@ impl<'a> Scope<'a> {
             return Err(error_at(path, text, at, format!("signals are defined in a circle: {}", ring.join(" -> "))));
         }
         if self.open.len() >= CHAIN {
-            return Err(error_at(path, text, at, format!("signals defined by signals, more than {CHAIN} deep; flatten them")));
+            return Err(error_at(
+                path,
+                text,
+                at,
+                format!("signals defined by signals, more than {CHAIN} deep; flatten them"),
+            ));
         }
         self.open.push(name.to_string());
         let mut id = self.expression(g, signal.expression(), &format!("signals.{name}"))?;

@@ -36,11 +36,17 @@ impl Stepper {
         let (mut end, mut at_end) = (Vec::new(), Vec::new());
         for i in 1..=STAGES {
             let (weights, node) = if i < STAGES { (&A[i][..i], i) } else { (&B[..], STAGES - 1) };
+            // The newest stage enters last and alone: what depends on it is short, and so is the wait for it.
+            let (newest, older) = weights.split_last()?;
+            let newest = g.constant(*newest);
+            let newest = g.mul(h, newest);
             let x: Vec<Id> = (0..nx)
                 .map(|n| {
-                    let sum = weighted(g, weights, &k, n);
+                    let sum = weighted(g, older, &k, n);
                     let move_by = g.mul(h, sum);
-                    g.add(start[n], move_by)
+                    let before = g.add(start[n], move_by);
+                    let last = g.mul(newest, k[i - 1][n]);
+                    g.add(before, last)
                 })
                 .collect();
             let c = g.constant(C[node]);

@@ -52,6 +52,10 @@ pub trait System: Send + Sync {
     fn free(&self) -> &[usize];
     /// Initial state.
     fn initial_state(&self) -> Vec<f64>;
+    /// Name of a state, for messages.
+    fn state_name(&self, state: usize) -> String {
+        format!("number {state}")
+    }
     /// Starting mode, before [`System::settle`].
     fn initial_mode(&self) -> usize {
         0

@@ -77,7 +77,8 @@ impl Unit {
                     continue;
                 }
                 ')' => {
-                    let opened = stack.pop().ok_or_else(|| fault(format!("unit `{text}`: a bracket closes nothing")))?;
+                    let opened =
+                        stack.pop().ok_or_else(|| fault(format!("unit `{text}`: a bracket closes nothing")))?;
                     sign = outer(opened, &stack);
                     rest = &rest[1..];
                 }
@@ -101,7 +102,8 @@ impl Unit {
                     rest = &rest[end..];
                     let mut exponent = 1.0;
                     if let Some(after) = rest.strip_prefix('^') {
-                        let end = after.find(|c: char| !(c.is_ascii_digit() || "-.".contains(c))).unwrap_or(after.len());
+                        let end =
+                            after.find(|c: char| !(c.is_ascii_digit() || "-.".contains(c))).unwrap_or(after.len());
                         exponent = after[..end].parse().map_err(|_| {
                             fault(format!("unit `{text}`: the power after `{symbol}^` is not a number"))
                         })?;

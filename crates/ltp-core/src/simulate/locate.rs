@@ -239,12 +239,12 @@ impl Watch {
     fn bracket(&mut self, c: Context<'_>, work: &Work, k: usize, span: Span<'_>, stats: &mut Stats) -> Found {
         let g = self.guards[k];
         let mut values = [g.side * g.now, 0.0, 0.0, 0.0, g.side * g.next];
-        for i in 1..5 {
+        for (i, value) in values.iter_mut().enumerate().skip(1) {
             if i < 4 {
                 stats.bisections += 1;
-                values[i] = g.side * self.on_dense(c, work, k, span, 0.25 * i as f64);
+                *value = g.side * self.on_dense(c, work, k, span, 0.25 * i as f64);
             }
-            if values[i] < -g.floor {
+            if *value < -g.floor {
                 return Found::Crossed(0.25 * (i - 1) as f64, 0.25 * i as f64);
             }
         }

@@ -80,12 +80,6 @@ impl Work {
         &self.values[(STAGES + 1) * self.nx..(STAGES + 2) * self.nx]
     }
 
-    /// Embedded error estimate of the state at the end.
-    #[inline]
-    pub fn error(&self) -> &[f64] {
-        &self.values[(STAGES + 2) * self.nx..(STAGES + 3) * self.nx]
-    }
-
     /// Guards at the end of the step.
     #[inline]
     pub fn guards(&self) -> &[f64] {
@@ -100,6 +94,8 @@ impl Work {
             c.inputs.eval(c.interval, t, &mut self.u[..nu]);
             self.x.copy_from_slice(x0);
             self.evaluate(c, 0, t, 0, derivatives);
+            self.start[..nx].copy_from_slice(x0);
+            self.start[nx..2 * nx].copy_from_slice(&self.values[..nx]);
         }
         if nu > 0 {
             for (u, node) in self.u.chunks_exact_mut(nu).zip(&C[1..]) {
@@ -107,18 +103,18 @@ impl Work {
             }
         }
         if let (Some(stepper), false) = (c.stepper, derivatives) {
-            let (k1, out) = self.values.split_at_mut(nx);
-            self.start[..nx].copy_from_slice(x0);
-            self.start[nx..2 * nx].copy_from_slice(k1);
             self.start[2 * nx] = h;
-            stepper.step(t, &self.start, &self.u, c.p, out);
+            stepper.step(t, &self.start, &self.u, c.p, &mut self.values[nx..]);
             self.evaluations += STAGES as u64;
             return;
         }
         for i in 1..=STAGES {
             let (weights, node) = if i < STAGES { (&A[i][..i], i) } else { (&B[..], STAGES - 1) };
-            for n in 0..nx {
-                self.x[n] = x0[n] + h * self.weighted(weights, n);
+            // The newest stage enters last and alone: what depends on it is short, and so is the wait for it.
+            let (newest, older) = weights.split_last().expect("no stage without weights");
+            for (n, x0) in x0.iter().enumerate() {
+                let before = x0 + h * self.weighted(older, n);
+                self.x[n] = before + (h * newest) * self.values[(i - 1) * nx + n];
             }
             self.evaluate(c, i, t + C[node] * h, node - 1, derivatives);
         }
@@ -157,10 +153,28 @@ impl Work {
         sum
     }
 
-    /// Makes the last stage the first one of the next step.
+    /// Accepts the step: its end becomes the state `x`, its last stage the first one of the next step. `largest` and `error`
+    /// keep the largest sizes of states and of error estimates. One loop does all: four short copies cost more than a step.
     #[inline]
-    pub fn shift(&mut self) {
-        self.values.copy_within(STAGES * self.nx..(STAGES + 1) * self.nx, 0);
+    pub fn accept(&mut self, x: &mut [f64], largest: &mut [f64], error: &mut [f64]) {
+        let nx = x.len();
+        let (largest, error) = (&mut largest[..nx], &mut error[..nx]);
+        let (stages, ends) = self.values.split_at_mut(STAGES * nx);
+        let first = &mut stages[..nx];
+        let (last, end, errors) = (&ends[..nx], &ends[nx..2 * nx], &ends[2 * nx..3 * nx]);
+        let (start_x, start_k) = self.start[..2 * nx].split_at_mut(nx);
+        for n in 0..nx {
+            x[n] = end[n];
+            start_x[n] = end[n];
+            start_k[n] = last[n];
+            first[n] = last[n];
+            largest[n] = largest[n].max(end[n].abs());
+            error[n] = error[n].max(errors[n].abs());
+        }
+    }
+
+    /// Makes the Jacobians of the last stage those of the next step's first.
+    pub fn shift_jacobians(&mut self) {
         self.jacobians.swap(0, STAGES);
     }
 

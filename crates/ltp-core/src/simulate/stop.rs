@@ -43,8 +43,8 @@ pub enum Stop {
         time: f64,
         /// Mode.
         mode: String,
-        /// Index of the state.
-        state: usize,
+        /// Name of the state.
+        state: String,
     },
     /// More steps than allowed.
     StepLimit {
@@ -75,7 +75,7 @@ impl Stop {
                  on rounding: move the initial state or the input a little"
             ),
             Self::Escape { time, mode, state } => format!(
-                "state number {state} left the finite numbers after t = {time:.9} s in mode `{mode}`; check signs of the \
+                "state `{state}` left the finite numbers after t = {time:.9} s in mode `{mode}`; check signs of the \
                  equations or take a smaller step"
             ),
             Self::StepLimit { time, mode, limit } => format!(

@@ -6,7 +6,7 @@ import math
 
 from ltp.plots.numbers import as_number, parse_sentence, percent, quantity, shorten, significant
 
-from ..markup import escape, paragraph, table
+from ..markup import escape, paragraph, prose, table
 from ..view import Json, View, dependence
 
 
@@ -18,7 +18,7 @@ def html(view: View) -> str:
         for part in (
             f'<header class="verdict-{kind}">',
             f'<p class="verdict">{escape(view.title)}</p>',
-            f"<h1>{escape(parse_sentence(view.sentence))}</h1>",
+            f"<h1>{prose(parse_sentence(view.sentence))}</h1>",
             f'<p class="facts">{escape(_facts(view))}</p>',
             "</header>",
             _tiles(view),

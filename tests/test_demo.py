@@ -23,7 +23,11 @@ def in_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 class TestConceal:
     def test_same_seed_same_bits(self) -> None:
-        first, again, other = conceal(seed=5, duration=1.0), conceal(seed=5, duration=1.0), conceal(seed=6, duration=1.0)
+        first, again, other = (
+            conceal(seed=5, duration=1.0),
+            conceal(seed=5, duration=1.0),
+            conceal(seed=6, duration=1.0),
+        )
         assert first.label == again.label != other.label
         assert first.model.to_toml() == again.model.to_toml()
         for a, b in zip(first.train + first.test, again.train + again.test, strict=True):

@@ -153,7 +153,9 @@ class TestDoubt:
         def record_one_way(seed: int) -> ltp.Recording:
             run = ltp.simulate(truth, {"tau": f"{20 + 10 * seed}*t"}, t_end=3.0, dt=0.01)
             noise = np.random.default_rng(seed).normal(scale=1e-4, size=len(run.t))
-            return ltp.Recording(run.t, {"tau": run.inputs[:, 0]}, {"q": run.outputs[:, 0] + noise}, name=f"ramp {seed}")
+            return ltp.Recording(
+                run.t, {"tau": run.inputs[:, 0]}, {"q": run.outputs[:, 0] + noise}, name=f"ramp {seed}"
+            )
 
         found = ltp.diagnose(slider(), [record_one_way(1), record_one_way(2)], record_one_way(3))
         alike = {"coulomb_friction@bed", "constant_force@bed", "stribeck_friction@bed"}

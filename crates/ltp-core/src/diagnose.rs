@@ -1,7 +1,7 @@
 //! From a model and recordings to a [`Diagnosis`]: locate the mismatch, name the physics that was left out, model it,
 //! show that the held-out error falls — or say that it cannot be told.
 //!
-//! Read in order: `experiment` (a recording in the model's terms), `kalman`, `prepare` (sizes, noise, starts), `fit`
+//! Read in order: `experiment` (a recording in the model's terms), `kalman`, `prepare` and `prepared` (sizes, noise, starts, observers), `fit`
 //! (the homotopy from prediction error to simulation error), `locate` (which port, which variable), `law`, `candidates`
 //! (every effect at every port), `score`, `judge` (ranking and acceptance), `report`, [`result`] (the noun).
 
@@ -13,6 +13,7 @@ mod kalman;
 mod law;
 mod locate;
 mod prepare;
+mod prepared;
 mod report;
 pub mod result;
 mod score;
@@ -27,12 +28,11 @@ use crate::error::{Error, Result, nearest};
 use crate::model::{Model, System};
 use crate::signal::Recording;
 use crate::simulate::Hold;
-use candidates::{Bench, PortGuess, Trial};
+use candidates::{Bench, Trial};
 use experiment::Experiment;
-use fit::Ground;
 use locate::Located;
-use prepare::{Follower, Scene, Ties};
-use result::Location;
+use prepare::Scene;
+use prepared::Prepared;
 
 /// Choices of a diagnosis.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -51,8 +51,6 @@ pub struct Options {
 const HELD_OUT: f64 = 1.0 / 3.0;
 /// Deviation of a parameter from its stated value, in its stated uncertainty, that makes a verdict.
 const MOVED: f64 = 3.0;
-/// Bandwidths of the observers, relative to the speed of the motion. The weak tie of each is four times slower.
-const BANDWIDTHS: [f64; 3] = [2.0, 1.0, 0.5];
 
 /// Compares a model with recordings.
 ///
@@ -91,114 +89,19 @@ fn work(
     let (train, test) = split(model, train, test, options.hold, &mut warnings)?;
 
     (control.progress)("following the recordings", 0.05);
-    let system = model.compile();
-    let stated = system.parameters().to_vec();
-    let scene = Follower::new(model, &stated, 1, control)?.scene(&train, &test);
-    let (train_start, test_start) = scene.start.split_at(train.len());
-    let ground = |experiments| Ground {
-        experiments,
-        sigma: &scene.sigma,
-        substeps: 1,
-        state_scale: &scene.state_scale,
-        control,
-    };
-    let (substeps, engine_error) = prepare::substeps(&system, &stated, ground(&train), train_start)?;
-    let ties_of = |e: &[Experiment], start: &[Vec<f64>], scene: &Scene, f: f64| -> Result<Ties> {
-        let follower = Follower::new(model, &stated, substeps, control)?;
-        Ok([f, 0.25 * f].into_iter().filter_map(|f| follower.ties(e, scene, start, f * scene.speed)).collect())
-    };
-    let mut train_ties = Vec::new();
-    for f in BANDWIDTHS {
-        control.check()?;
-        train_ties.push(ties_of(&train, train_start, &scene, f)?);
-    }
-    let test_ties = ties_of(&test, test_start, &scene, 1.0)?;
-
+    let prepared = Prepared::new(model, train, test, control, &mut warnings)?;
     (control.progress)("refitting the nominal parameters", 0.1);
-    let fit_with = |sigma: &[f64]| -> Result<Trial> {
-        let base = Ground { experiments: &train, sigma, substeps, state_scale: &scene.state_scale, control };
-        let bench = Bench {
-            model,
-            train: base,
-            test: Ground { experiments: &test, ..base },
-            train_start,
-            test_start,
-            train_ties: &train_ties,
-            test_ties: &test_ties,
-        };
-        candidates::nominal(&bench)
-    };
-    let mut sigma = scene.sigma.clone();
-    let mut nominal = fit_with(&sigma)?;
-    // The white part of what the refitted model leaves is a second, sharper view of the noise.
-    let residual: Vec<Vec<f64>> = nominal
-        .residuals
-        .train
-        .iter()
-        .map(|r| r.iter().enumerate().map(|(i, v)| v * sigma[i % sigma.len()]).collect())
-        .collect();
-    let sharper: Vec<f64> = prepare::floors(&train, Some(&residual))
-        .iter()
-        .zip(&sigma)
-        .zip(&engine_error)
-        .map(|((a, b), e)| a.min(*b).hypot(*e))
-        .collect();
-    if sharper.iter().zip(&sigma).any(|(a, b)| *a < 0.8 * b || *a > 1.25 * b) {
-        sigma = sharper;
-        nominal = fit_with(&sigma)?;
-    }
-    let scene = Scene { sigma: sigma.clone(), ..scene.clone() };
-    let base = Ground { experiments: &train, sigma: &sigma, substeps, state_scale: &scene.state_scale, control };
-    let bench = Bench {
-        model,
-        train: base,
-        test: Ground { experiments: &test, ..base },
-        train_start,
-        test_start,
-        train_ties: &train_ties,
-        test_ties: &test_ties,
-    };
-
+    let (sigma, nominal) = prepared.nominal(model, control)?;
+    let bench = prepared.bench(model, &sigma, control);
     (control.progress)("locating the mismatch", 0.15);
-    let mut guesses = Vec::new();
-    let mut located: Option<Located> = None;
-    let refitted = nominal.parameters();
-    for port in model.ports() {
-        control.check()?;
-        let Some((_, _, forces)) = locate::at_port(model, &stated, port, &train, &scene, substeps, control)? else {
-            warnings.push(format!("port `{port}`: no force there can be estimated from these recordings"));
-            continue;
-        };
-        let scales = law::port_scales(&forces, &scene);
-        guesses.push(PortGuess { port: port.to_string(), stated: forces, scales });
-        let Some((_, gain, forces)) = locate::at_port(model, &refitted, port, &train, &scene, substeps, control)?
-        else {
-            continue;
-        };
-        if located.as_ref().is_none_or(|l| gain > l.gain) {
-            let (variable, explained, p_value) = locate::depends_on(&forces, options.seed);
-            let location = Location {
-                kind: "port".into(),
-                at: port.to_string(),
-                mode: None,
-                variable: variable.into(),
-                phases: Vec::new(),
-                p_value,
-                margin: gain,
-            };
-            located = Some(Located { location, gain, explained, forces });
-        }
-    }
-    if let Some(l) = &mut located {
-        report::label(l, model)?;
-    }
-
+    let scene = Scene { sigma: sigma.clone(), ..prepared.scene.clone() };
+    let (guesses, located) = locate::everywhere(&bench, &scene, &nominal, options.seed, &mut warnings)?;
     let trials = candidates::all(&bench, &names, &guesses, &nominal)?;
     (control.progress)("weighing the evidence", 0.85);
     let ranking = judge::rank(&nominal, &trials);
     let winner = ranking.winner(&trials);
     // A record of its own that was predicted is the best witness; a piece cut from the train records is not one.
-    let halves = if own_test { None } else { Some(halves(&train, train_start, &scene, &ties_of)?) };
+    let halves = if own_test { None } else { Some(prepared.halves(model, control)?) };
     let evidence = match winner {
         Some(w) => Some(judge::weigh(&bench, &nominal, &trials[w], halves.as_ref(), names.len() * guesses.len())?),
         None => None,
@@ -315,7 +218,7 @@ fn conclude(case: Case<'_>) -> Result<Diagnosis> {
 fn doubts(after: &Trial, trials: &[Trial], fit: &result::FitReport, warnings: &mut Vec<String>) {
     for row in &fit.train {
         let left = row.after.unwrap_or(0.0) / row.floor.max(f64::MIN_POSITIVE);
-        if left > 1.5 {
+        if left > report::DOUBTFUL {
             warnings.push(format!(
                 "{} of `{}`: the remaining error is {} times the noise floor; something smaller is still unexplained, and \
                  intervals are widened accordingly",
@@ -383,15 +286,4 @@ fn split(
     }
     warnings.push("no test recording was given: the last third of every recording is held out instead".into());
     Ok(parts)
-}
-
-/// Observers for experiments from given starts, at a bandwidth relative to the speed of the motion.
-type TiesOf<'a> = dyn Fn(&[Experiment], &[Vec<f64>], &Scene, f64) -> Result<Ties> + 'a;
-
-/// Halves of the train records for two-fold prediction.
-fn halves(train: &[Experiment], start: &[Vec<f64>], scene: &Scene, ties_of: &TiesOf<'_>) -> Result<judge::Halves> {
-    let first: Vec<Experiment> = train.iter().map(|e| e.part(0, e.len() / 2)).collect();
-    let second: Vec<Experiment> = train.iter().map(|e| e.part(e.len() / 2, e.len())).collect();
-    let ties = [ties_of(&first, start, scene, 1.0)?, ties_of(&second, &scene.middle, scene, 1.0)?];
-    Ok(judge::Halves { parts: [first, second], start: [start.to_vec(), scene.middle.clone()], ties })
 }

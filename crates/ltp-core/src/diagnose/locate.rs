@@ -4,8 +4,10 @@
 //! transitions of the hybrid engine gives the likelihood of that single-port hypothesis, a smoother the force itself. The
 //! force is then regressed on what it may depend on, judged on left-out blocks beyond what nominal parameters explain.
 
+use super::candidates::{Bench, PortGuess, Trial};
 use super::experiment::{Control, Experiment};
 use super::kalman::{Filter, Noise};
+use super::law::port_scales;
 use super::prepare::{Scene, with_unknown_forces};
 use super::result::{Force, Location};
 use crate::error::Result;
@@ -40,8 +42,56 @@ pub struct Located {
     pub forces: Vec<Force>,
 }
 
-/// The force at a port that explains the recordings best, and its likelihood.
-pub fn at_port(
+/// Every port in turn: the force that the model as stated misses there, for starting values, and the port at which a
+/// missing force explains best what the refitted model leaves.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+pub fn everywhere(
+    bench: &Bench<'_>,
+    scene: &Scene,
+    nominal: &Trial,
+    seed: u64,
+    warnings: &mut Vec<String>,
+) -> Result<(Vec<PortGuess>, Option<Located>)> {
+    let (model, ground) = (bench.model, bench.train);
+    let at =
+        |p: &[f64], port: &str| at_port(model, p, port, ground.experiments, scene, ground.substeps, ground.control);
+    let (stated, refitted) = (nominal.system.parameters().to_vec(), nominal.parameters());
+    let mut guesses = Vec::new();
+    let mut best: Option<Located> = None;
+    for port in model.ports() {
+        ground.control.check()?;
+        let Some((_, forces)) = at(&stated, port)? else {
+            warnings.push(format!("port `{port}`: no force there can be estimated from these recordings"));
+            continue;
+        };
+        guesses.push(PortGuess { port: port.to_string(), scales: port_scales(&forces, scene), stated: forces });
+        let Some((gain, forces)) = at(&refitted, port)? else { continue };
+        if best.as_ref().is_none_or(|l| gain > l.gain) {
+            let (variable, explained, p_value) = depends_on(&forces, seed);
+            let location = Location {
+                kind: "port".into(),
+                at: port.to_string(),
+                mode: None,
+                variable: variable.into(),
+                phases: Vec::new(),
+                p_value,
+                margin: gain,
+            };
+            best = Some(Located { location, gain, explained, forces });
+        }
+    }
+    if let Some(l) = &mut best {
+        for f in &mut l.forces {
+            [f.unit, f.position_unit, f.velocity_unit] = model.port_units(&f.at)?;
+        }
+    }
+    Ok((guesses, best))
+}
+
+/// The force at a port that explains the recordings best, and its gain in log-likelihood over none.
+fn at_port(
     model: &Model,
     p: &[f64],
     port: &str,
@@ -49,7 +99,7 @@ pub fn at_port(
     scene: &Scene,
     substeps: u64,
     control: &Control<'_>,
-) -> Result<Option<(f64, f64, Vec<Force>)>> {
+) -> Result<Option<(f64, Vec<Force>)>> {
     let probe = with_unknown_forces(model, &[port])?;
     let system = probe.compile_for(Vec::new(), Backend::Native);
     let sensed = probe.compile_for(model.uncertain(), Backend::Native);
@@ -96,7 +146,7 @@ pub fn at_port(
         }
     }
     let Some((likelihood, intensity)) = best else { return Ok(None) };
-    Ok(run(intensity, true)?.map(|(_, forces)| (likelihood, likelihood - without, forces)))
+    Ok(run(intensity, true)?.map(|(_, forces)| (likelihood - without, forces)))
 }
 
 /// Size of a force at the last state's port that would matter: what moves a state by its size at the motion's speed.
@@ -162,7 +212,7 @@ fn force(
 }
 
 /// On what a force depends: the variable that explains most on left-out blocks, its share and its p-value.
-pub fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
+fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
     let total: usize = forces.iter().map(|f| f.t.len()).sum();
     let every = total.div_ceil(KEPT).max(1);
     let pick = |of: &dyn Fn(&Force) -> &Vec<f64>| -> Vec<f64> {

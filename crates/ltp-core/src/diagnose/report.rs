@@ -7,7 +7,6 @@ use super::experiment::{Experiment, Run};
 use super::fit::Ground;
 use super::judge::Ranking;
 use super::law::LawFunction;
-use super::locate::Located;
 use super::result::{
     Candidate, Diagnosis, Estimate, FitReport, FitRow, Law, NamedEffect, ParameterReport, RecordTrace, Verdict,
 };
@@ -222,6 +221,14 @@ fn value(e: &Estimate) -> String {
     }
 }
 
+/// Remaining error, in noise floors, above which a reader must be told.
+pub const DOUBTFUL: f64 = 1.5;
+
+/// The largest remaining error in noise floors, over all train records.
+pub fn remaining(fit: &FitReport) -> f64 {
+    fit.train.iter().filter_map(|r| Some(r.after? / r.floor.max(f64::MIN_POSITIVE))).fold(0.0, f64::max)
+}
+
 /// The verdict in one sentence with numbers and units.
 pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
     let place = d.location.as_ref().filter(|l| l.p_value <= 0.05).map_or(String::new(), |l| {
@@ -252,6 +259,10 @@ pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
         e.parameters.iter().map(|(n, v)| format!("{n} = {}", value(v))).collect::<Vec<_>>().join(", ")
     };
     match d.verdict {
+        Verdict::Consistent if remaining(&d.fit) > DOUBTFUL => {
+            format!("No physics of the library is missing as far as these recordings can tell{errors}; what is left above \
+                     the noise stays unexplained.")
+        }
         Verdict::Consistent => format!("The model explains the recordings: nothing needs to be added{errors}."),
         Verdict::Parameter => {
             let list: Vec<String> = moved
@@ -281,15 +292,4 @@ pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
             format!("Physics was left out that no effect of the library explains{place}{errors}.")
         }
     }
-}
-
-/// Units of a located force.
-///
-/// # Errors
-/// As [`Model::port_units`].
-pub fn label(located: &mut Located, model: &Model) -> Result<()> {
-    for f in &mut located.forces {
-        [f.unit, f.position_unit, f.velocity_unit] = model.port_units(&f.at)?;
-    }
-    Ok(())
 }

@@ -3,10 +3,13 @@
 
 #[path = "oracles/closed_forms.rs"]
 mod closed_forms;
+#[path = "oracles/set_valued.rs"]
+mod set_valued;
 
 use closed_forms::StickSlip;
 use ltp_core::model::{Model, Point, System, zoo};
 use ltp_core::simulate::{Inputs, Plan, Trajectory, simulate};
+use set_valued::Cart;
 
 /// A block under `A sin(w t)` with viscous friction and a port for dry friction.
 const BLOCK: &str = r#"
@@ -252,4 +255,23 @@ fn friction_of_the_cart_under_its_pendulum() {
     };
     let element = Element { level: |_| 1.5, velocity: vec![0.0, 0.0, 1.0, 0.0], acts };
     against_impulses(&nominal, &dry, &[element], 3.0, 6.0, 1e-3);
+}
+
+#[test]
+fn the_cart_moves_as_an_adaptive_integration_of_the_set_valued_law_says() {
+    let cart = Cart { friction: 0.8, volts: 2.0, omega: 5.0 };
+    let model = zoo("cart_pendulum").unwrap().attach("coulomb_friction", "cart", &[("force", cart.friction)]).unwrap();
+    let driven = model.with_input_expressions(&[("V", "2*sin(5*t)")]).unwrap();
+    let compiled = driven.compile();
+    let plan = Plan::new(6.0, 0.01).unwrap().with_step(5e-4);
+    let found = simulate(&compiled, compiled.parameters(), &Inputs::constant(&[]), &plan).unwrap();
+    let (truth, switches) = cart.motion(&found.t, 1e-13);
+    assert!(switches >= 15, "stick and slip must alternate for the comparison to mean something: {switches}");
+    assert_eq!(found.events.len(), switches);
+    let width = found.outputs.len() / found.t.len();
+    let far = (0..found.t.len())
+        .flat_map(|k| (0..2).map(move |j| (k, j)))
+        .map(|(k, j)| (found.outputs[k * width + j] - truth[k][j]).abs())
+        .fold(0.0, f64::max);
+    assert!(far < 1e-9, "largest difference {far}");
 }

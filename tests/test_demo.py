@@ -105,7 +105,7 @@ class TestDemo:
         assert main(["demo", "--report", "nowhere/demo.html"]) == 2
 
     def test_what_the_parameters_can_imitate(self, capsys: pytest.CaptureFixture[str]) -> None:
-        """Seed 3 draws viscous friction, which the model has already: right is to name nothing, and the demo says why."""
+        """Seed 3 draws viscous friction, which the model has: right is to name nothing, and the demo says why."""
         found = demo.run(seed=3)
         assert found.effects == []
         out = capsys.readouterr().out

@@ -51,7 +51,7 @@ def test_emps(capsys: pytest.CaptureFixture[str]) -> None:
     assert row["rms_after"] <= 3.9e-6
     assert row["rms_before"] > 6.0e-6
     assert found["parameters"]["Fv"]["before"] > 1.9 * found["parameters"]["Fv"]["after"]
-    assert found["location"]["variable"] == "sign of velocity"
+    assert "velocity" in found["location"]["variable"]
 
 
 @pytest.mark.slow

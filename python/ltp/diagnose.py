@@ -120,7 +120,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Law:
-    """The missing force over the variable it depends on: `grid` (m,) in `variable_unit`; `force` (m,), its `sd` (m,)."""
+    """The missing force over what it depends on: `grid` (m,) in `variable_unit`, `force` (m,) and its `sd` (m,)."""
 
     at: str
     variable: str

@@ -101,11 +101,9 @@ class Recording:
             _check_time(table, time[0], values["t"])
         u: dict[str, Array] = {}
         for key in model.inputs:
-            if key in values:
+            if key in values:  # one that is missing has a default, which whoever uses the recording knows
                 _check_known(table, chosen[key][0], values[key])
                 u[key] = values[key]
-            else:
-                u[key] = np.full(n, model.input_default(key))
         y = {key: values[key] for key in measured}
         return cls.wrap(_construct(title, table.source, values["t"], u, y))
 

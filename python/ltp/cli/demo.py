@@ -16,10 +16,10 @@ def add(commands: common.Commands) -> None:
     parser = commands.add_parser(
         "demo",
         help="see the whole walk on a recording with concealed physics",
-        description="Record a machine with a piece of physics that its model lacks, seal what it was, and let ltp find\n"
-        "it from the model and the recordings alone: where the mismatch is, what was left out, how far the held-out\n"
-        "error falls. Then the seal is opened. A seal is the SHA-256 of the label and a fresh salt, printed before the\n"
-        "diagnosis begins.",
+        description="Record a machine with a piece of physics that its model lacks, seal what it was, and let ltp\n"
+        "find it from the model and the recordings alone: where the mismatch is, what was left out, how far the\n"
+        "held-out error falls. Then the seal is opened. A seal is the SHA-256 of the label and a fresh salt, printed\n"
+        "before the diagnosis begins.",
         epilog=common.epilog("ltp demo --seed 1 --report demo.html"),
         formatter_class=common.Formatter,
     )

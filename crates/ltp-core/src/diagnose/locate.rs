@@ -27,6 +27,10 @@ const DRIFT: usize = 3;
 /// Blocks that are left out in turn: long against the memory of the motion, short against the time in which it comes back to
 /// the same positions and speeds, since a law cannot be judged where it was never seen.
 pub const BLOCKS: usize = 25;
+/// Share of what a simpler group leaves that a richer one must explain to be named instead.
+const RICHER: f64 = 0.5;
+/// What a force depends on that never changes.
+const CONSTANT: &str = "nothing: it is constant";
 /// Samples kept for the regression.
 const KEPT: usize = 2000;
 
@@ -242,9 +246,10 @@ fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
         ("position", splines(&q, RIPPLED)),
         ("time", splines(&t, DRIFT)),
     ];
-    let present: Vec<f64> = w.iter().copied().filter(|v| v.is_finite()).collect();
-    if stats::mean(present.iter().copied()).abs() > stats::std(present.iter().copied()) {
-        return ("nothing: it is constant", 1.0, 0.0);
+    let level = stats::mean(w.iter().copied()).abs();
+    let doubt = stats::median(&pick(&|f| &f.sd));
+    if level > stats::std(w.iter().copied()).max(3.0 * doubt) {
+        return (CONSTANT, 0.0, 1.0 / f64::from(SHIFTS as u32 + 1));
     }
     let beyond = strongest(&w, &base, &groups, seed);
     // Where nominal parameters could say it all, what the force follows is still worth knowing.
@@ -273,7 +278,9 @@ fn strongest(
         let mut all = base.to_vec();
         all.extend(columns.iter().cloned());
         let share = regression::explained(w, &all, BLOCKS) - own;
-        if share > best.1 + 0.02 {
+        // A later, richer group must explain a good part of what a simpler one leaves.
+        let left = if best.1 > 0.0 { RICHER * (1.0 - own - best.1) } else { 0.0 };
+        if share > best.1 + left.max(0.02) {
             let p = regression::shift_p_value(w, base, columns, BLOCKS, SHIFTS, seed);
             best = (*name, share, if p.is_finite() { p } else { 1.0 });
         }

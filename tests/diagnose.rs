@@ -94,6 +94,14 @@ fn the_right_port_of_two() {
         let location = d.location.unwrap();
         assert_eq!((location.at.as_str(), location.variable.as_str()), (port, "sign of velocity"));
         assert!(location.p_value <= 0.01);
+        // The force drawn, which knows no law of friction, is the friction that was concealed.
+        let (mut top, mut own, mut law) = (0.0, 0.0, 0.0);
+        for f in &d.traces.force {
+            for (w, v) in f.force.iter().zip(&f.velocity).filter(|(_, v)| v.abs() > 0.05) {
+                (top, own, law) = (top - w * v.signum(), own + w * w, law + 1.0);
+            }
+        }
+        assert!(top / (own * law).sqrt() > 0.95, "{port}: correlation {}", top / (own * law).sqrt());
     }
 }
 

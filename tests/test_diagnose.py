@@ -67,7 +67,7 @@ class TestTruth:
     @pytest.mark.parametrize("port", PORTS)
     @pytest.mark.parametrize("effect", EFFECTS)
     def test_every_effect_at_every_port(self, effect: str, port: str) -> None:
-        case = conceal(effect=effect, port=port, seed=SEED)
+        case = conceal(effect=effect, port=port, duration=6.0, seed=SEED)
         found = ltp.diagnose(case.model, case.train, case.test)
         assert (found.verdict, [(e.name, e.at) for e in found.effects]) == ("effect", [(effect, port)]), found.sentence
         assert found.ambiguous_with == []
@@ -84,7 +84,7 @@ class TestTruth:
 
     @pytest.mark.parametrize("port", PORTS)
     def test_more_of_what_the_model_has_is_no_effect(self, port: str) -> None:
-        case = conceal(effect="viscous_friction", port=port, seed=SEED)
+        case = conceal(effect="viscous_friction", port=port, duration=6.0, seed=SEED)
         found = ltp.diagnose(case.model, case.train, case.test)
         assert found.verdict in ("consistent", "parameter")
         assert found.effects == []

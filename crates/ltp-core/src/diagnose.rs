@@ -3,7 +3,7 @@
 //!
 //! Read in order: `experiment` (a recording in the model's terms), `kalman`, `prepare` and `prepared` (sizes, noise, starts, observers), `fit`
 //! (the homotopy from prediction error to simulation error), `locate` (which port, which variable), `law`, `candidates`
-//! (every effect at every port), `score`, `judge` (ranking and acceptance), `report`, [`result`] (the noun).
+//! (every effect at every port), `score`, `judge` (ranking and acceptance), `report`, `words`, [`result`] (the noun).
 
 mod candidates;
 mod experiment;
@@ -18,6 +18,7 @@ mod report;
 pub mod result;
 mod score;
 mod unknown;
+mod words;
 
 use std::time::Instant;
 
@@ -113,6 +114,7 @@ fn work(
     conclude(Case {
         model,
         bench: &bench,
+        scene: &scene,
         nominal: &nominal,
         trials: &trials,
         ranking: &ranking,
@@ -128,6 +130,7 @@ fn work(
 struct Case<'a> {
     model: &'a Model,
     bench: &'a Bench<'a>,
+    scene: &'a Scene,
     nominal: &'a Trial,
     trials: &'a [Trial],
     ranking: &'a judge::Ranking,
@@ -185,7 +188,14 @@ fn conclude(case: Case<'_>) -> Result<Diagnosis> {
     let (records, fit) = report::fits(model, bench.train, bench.test, &points);
     doubts(after, trials, &fit, &mut warnings);
 
-    let forces = case.located.as_ref().map_or(Vec::new(), |l| l.forces.clone());
+    let forces = match accepted.and_then(|w| Some((&trials[w], trials[w].effect.as_ref()?))) {
+        // With the effect named, its force is what the nominal equations miss when nothing else has to make up for it.
+        Some((t, (_, port))) => {
+            let p = candidates::full(&nominal.system, &t.fit.point.theta[..nominal.priors.len()]);
+            locate::missing(bench, case.scene, &p, port)?
+        }
+        None => case.located.as_ref().map_or(Vec::new(), |l| l.forces.clone()),
+    };
     let law = match accepted {
         Some(w) => report::law(&trials[w], &forces)?,
         None => unknown.clone(),
@@ -208,7 +218,7 @@ fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         seconds: 0.0,
         traces: result::Traces { records, force: forces, law },
     };
-    diagnosis.sentence = report::sentence(&diagnosis, &moved);
+    diagnosis.sentence = words::sentence(&diagnosis, &moved);
     diagnosis.seconds = case.clock.elapsed().as_secs_f64();
     (bench.train.control.progress)("done", 1.0);
     Ok(diagnosis)
@@ -218,13 +228,13 @@ fn conclude(case: Case<'_>) -> Result<Diagnosis> {
 fn doubts(after: &Trial, trials: &[Trial], fit: &result::FitReport, warnings: &mut Vec<String>) {
     for row in &fit.train {
         let left = row.after.unwrap_or(0.0) / row.floor.max(f64::MIN_POSITIVE);
-        if left > report::DOUBTFUL {
+        if left > words::DOUBTFUL {
             warnings.push(format!(
                 "{} of `{}`: the remaining error is {} times the noise floor; something smaller is still unexplained, and \
                  intervals are widened accordingly",
                 row.output,
                 row.record,
-                report::number(left)
+                words::number(left)
             ));
         }
     }
@@ -234,7 +244,7 @@ fn doubts(after: &Trial, trials: &[Trial], fit: &result::FitReport, warnings: &m
             let name = &after.model.parameters()[i].name;
             warnings.push(format!(
                 "parameter `{name}` ended on its bound {}: widen it or doubt the model",
-                report::number(*v)
+                words::number(*v)
             ));
         }
     }

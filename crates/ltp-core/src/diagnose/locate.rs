@@ -6,6 +6,7 @@
 
 use super::candidates::{Bench, PortGuess, Trial};
 use super::experiment::{Control, Experiment};
+use super::fit::Ground;
 use super::kalman::{Filter, Noise};
 use super::law::port_scales;
 use super::prepare::{Scene, with_unknown_forces};
@@ -44,6 +45,20 @@ pub struct Located {
     pub explained: f64,
     /// The force along each train experiment.
     pub forces: Vec<Force>,
+}
+
+/// The force that the nominal equations miss at a port when their parameters are `p`, labelled with units.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+pub fn missing(bench: &Bench<'_>, scene: &Scene, p: &[f64], port: &str) -> Result<Vec<Force>> {
+    let Ground { experiments, substeps, control, .. } = bench.train;
+    let found = at_port(bench.model, p, port, experiments, scene, substeps, control)?;
+    let mut forces = found.map_or(Vec::new(), |(_, forces)| forces);
+    for f in &mut forces {
+        [f.unit, f.position_unit, f.velocity_unit] = bench.model.port_units(port)?;
+    }
+    Ok(forces)
 }
 
 /// Every port in turn: the force that the model as stated misses there, for starting values, and the port at which a

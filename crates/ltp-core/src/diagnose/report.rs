@@ -7,9 +7,7 @@ use super::experiment::{Experiment, Run};
 use super::fit::Ground;
 use super::judge::Ranking;
 use super::law::LawFunction;
-use super::result::{
-    Candidate, Diagnosis, Estimate, FitReport, FitRow, Law, NamedEffect, ParameterReport, RecordTrace, Verdict,
-};
+use super::result::{Candidate, Estimate, FitReport, FitRow, Law, NamedEffect, ParameterReport, RecordTrace};
 use crate::error::Result;
 use crate::model::{Model, System};
 use crate::numeric::stats;
@@ -197,99 +195,4 @@ pub fn law(trial: &Trial, located: &[super::result::Force]) -> Result<Option<Law
     let sd = sds(trial);
     let sd = &sd[sd.len() - own.len()..];
     Ok(Some(function.table(located, &own, sd, &trial.model.port_units(port)?)))
-}
-
-/// Three significant digits, without a tail of zeros.
-pub fn number(v: f64) -> String {
-    if v == 0.0 || !v.is_finite() {
-        return format!("{v}");
-    }
-    let digits = 3 - 1 - v.abs().log10().floor() as i32;
-    if (-3..=6).contains(&digits) {
-        let text = format!("{:.*}", digits.max(0) as usize, v);
-        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
-    } else {
-        format!("{v:.2e}")
-    }
-}
-
-fn value(e: &Estimate) -> String {
-    let unit = if e.unit == "1" { String::new() } else { format!(" {}", e.unit) };
-    match e.sd {
-        Some(sd) => format!("{} ± {}{unit}", number(e.value), number(sd)),
-        None => format!("{}{unit}", number(e.value)),
-    }
-}
-
-/// Remaining error, in noise floors, above which a reader must be told.
-pub const DOUBTFUL: f64 = 1.5;
-
-/// The largest remaining error in noise floors, over all train records.
-pub fn remaining(fit: &FitReport) -> f64 {
-    fit.train.iter().filter_map(|r| Some(r.after? / r.floor.max(f64::MIN_POSITIVE))).fold(0.0, f64::max)
-}
-
-/// The verdict in one sentence with numbers and units.
-pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
-    let place = d.location.as_ref().filter(|l| l.p_value <= 0.05).map_or(String::new(), |l| {
-        format!("; the missing force acts at `{}` and depends on {} (p = {})", l.at, l.variable, number(l.p_value))
-    });
-    let rows = if d.fit.test.is_empty() { &d.fit.train } else { &d.fit.test };
-    let which = if d.fit.test.is_empty() { "training" } else { "held-out" };
-    let worst = rows
-        .iter()
-        .filter_map(|r| Some((r, r.rms_before?, r.rms_after?)))
-        .max_by(|a, b| (a.0.before.unwrap_or(0.0)).total_cmp(&b.0.before.unwrap_or(0.0)));
-    let errors = worst.map_or(String::new(), |(r, before, after)| {
-        let floor = if r.before.unwrap_or(0.0) > 0.0 { before * r.floor / r.before.unwrap_or(1.0) } else { 0.0 };
-        let unit = if r.unit == "1" { String::new() } else { format!(" {}", r.unit) };
-        if before == after {
-            format!("; {which} error of {} is {}{unit} (noise {}{unit})", r.output, number(before), number(floor))
-        } else {
-            format!(
-                "; {which} error of {} falls from {} to {}{unit} (noise {}{unit})",
-                r.output,
-                number(before),
-                number(after),
-                number(floor)
-            )
-        }
-    });
-    let parameters = |e: &NamedEffect| {
-        e.parameters.iter().map(|(n, v)| format!("{n} = {}", value(v))).collect::<Vec<_>>().join(", ")
-    };
-    match d.verdict {
-        Verdict::Consistent if remaining(&d.fit) > DOUBTFUL => {
-            format!("No physics of the library is missing as far as these recordings can tell{errors}; what is left above \
-                     the noise stays unexplained.")
-        }
-        Verdict::Consistent => format!("The model explains the recordings: nothing needs to be added{errors}."),
-        Verdict::Parameter => {
-            let list: Vec<String> = moved
-                .iter()
-                .filter_map(|(n, s)| {
-                    let p = d.parameters.get(n)?;
-                    let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
-                    let (a, b) = (number(p.nominal), number(p.after));
-                    Some(format!("`{n}` is {b}{unit}, not {a}{unit} ({} stated sd away)", number(*s)))
-                })
-                .collect();
-            format!("The structure is right, but {}{errors}.", list.join(" and "))
-        }
-        Verdict::Effect => d.effects.first().map_or(String::new(), |e| {
-            format!("`{}` at `{}` was left out: {}{place}{errors}.", e.name, e.at, parameters(e))
-        }),
-        Verdict::Ambiguous => d.effects.first().map_or(String::new(), |e| {
-            let others = d.ambiguous_with.iter().map(|o| format!("`{o}`")).collect::<Vec<_>>().join(", ");
-            format!(
-                "Something was left out; `{}` at `{}` fits best ({}), but these recordings cannot tell it from {others}{errors}.",
-                e.name,
-                e.at,
-                parameters(e)
-            )
-        }),
-        Verdict::Unknown => {
-            format!("Physics was left out that no effect of the library explains{place}{errors}.")
-        }
-    }
 }

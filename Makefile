@@ -39,7 +39,7 @@ test: test-rust test-python ## run all tests
 
 .PHONY: test-rust
 test-rust: setup ## run the Rust tests
-	cargo test --workspace $(LOCKED)
+	cargo test --release --workspace $(LOCKED)
 
 .PHONY: test-python
 test-python: setup ## run the Python tests
@@ -52,8 +52,8 @@ check: test check-rust check-python check-house ## the gate: tests, formats, lin
 .PHONY: check-rust
 check-rust: setup ## formats, lints, documentation and licences of the Rust part
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets $(LOCKED) -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --document-private-items $(LOCKED)
+	cargo clippy --release --workspace --all-targets $(LOCKED) -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --workspace --no-deps --document-private-items $(LOCKED)
 	@if command -v cargo-deny >/dev/null; then \
 	    echo "cargo deny check licenses bans sources"; \
 	    cargo deny --offline --workspace check licenses bans sources; \

@@ -109,7 +109,7 @@ fn the_right_port_of_two() {
 fn foreign(force: &str, seed: u64) -> Case {
     let mut case = conceal(&recipe("nothing", seed)).unwrap();
     let mut document = zoo("drive").unwrap().document().clone();
-    for (name, value, unit) in [("ripple", 6.0, "N"), ("pitch", 0.04, "m")] {
+    for (name, value, unit) in [("ripple", 6.0, "N"), ("pitch", 0.04, "m"), ("rate", 5.0, "rad/s")] {
         let p = Parameter { value, unit: Some(unit.into()), ..Parameter::default() };
         document.parameters.insert(name.into(), p);
     }
@@ -145,6 +145,31 @@ fn physics_outside_the_library_is_unknown_and_drawn() {
         (top, own, truth) = (top + f * t, own + f * f, truth + t * t);
     }
     assert!(top / (own * truth).sqrt() > 0.9, "the law drawn is the one concealed");
+}
+
+#[test]
+fn what_no_law_and_no_parameter_explains_is_never_called_consistent() {
+    // A force in time only: nothing in this library, and no variable of the port, follows it.
+    let d = run(&foreign("-ripple*sin(t*rate)", 3), &Options::default()).unwrap();
+    assert_eq!(d.verdict, Verdict::Unknown, "{}", d.sentence);
+    assert!(d.effects.is_empty() && d.location.is_some());
+}
+
+#[test]
+fn a_recipe_that_cannot_be_carried_out_is_refused() {
+    let good = recipe("coulomb_friction", 1);
+    let bad = [
+        ("snr", Recipe { snr: f64::NAN, ..good.clone() }),
+        ("amplitude", Recipe { amplitude: 1e9, ..good.clone() }),
+        ("dt", Recipe { duration: (10.0, 0.0), ..good.clone() }),
+        ("duration/dt", Recipe { duration: (0.1, 0.01), ..good.clone() }),
+    ];
+    for (name, recipe) in bad {
+        match conceal(&recipe) {
+            Err(Error::OutOfRange { what, .. }) => assert_eq!(what, name),
+            other => panic!("{name}: {:?}", other.map(|c| c.label)),
+        }
+    }
 }
 
 #[test]

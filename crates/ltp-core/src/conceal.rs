@@ -14,6 +14,8 @@ use crate::numeric::stats;
 use crate::signal::Recording;
 use crate::simulate::{Hold, Inputs};
 
+/// An output beyond this, in its SI unit, is no motion of a machine any more.
+const ESCAPED: f64 = 1e9;
 /// Small steps per sample.
 const FINE: usize = 200;
 
@@ -40,7 +42,7 @@ pub fn motion(model: &Model, inputs: &Inputs, x0: &[f64], samples: usize, dt: f6
             walker.step(t + i as f64 * h, h);
         }
     }
-    if out.iter().all(|v| v.is_finite()) {
+    if out.iter().all(|v| v.abs() < ESCAPED) {
         return Ok(out);
     }
     Err(Error::NoConvergence {
@@ -181,6 +183,28 @@ impl Recipe {
             seed,
         }
     }
+
+    fn check(&self) -> Result<()> {
+        let positive = |what: &str, found: f64, unit: &str| {
+            if found > 0.0 && found < 1e6 {
+                return Ok(());
+            }
+            let expected = format!("a positive number below 1e6{unit}");
+            Err(Error::OutOfRange { what: what.into(), found, expected })
+        };
+        let (duration, dt) = self.duration;
+        positive("size", self.size, "")?;
+        positive("snr", self.snr, "")?;
+        positive("amplitude", self.amplitude, " in the unit of the input")?;
+        positive("duration", duration, " s")?;
+        positive("dt", dt, " s")?;
+        let samples = duration / dt;
+        if !(64.0..=1e6).contains(&samples) {
+            let expected = "between 64 and 1e6 samples; choose duration and dt accordingly".into();
+            return Err(Error::OutOfRange { what: "duration/dt".into(), found: samples, expected });
+        }
+        Ok(())
+    }
 }
 
 /// Draws a case.
@@ -188,6 +212,7 @@ impl Recipe {
 /// # Errors
 /// [`Error::UnknownName`] for a model, effect or port that does not exist.
 pub fn conceal(recipe: &Recipe) -> Result<Case> {
+    recipe.check()?;
     let nominal = zoo(&recipe.model)?;
     let mut random = SplitMix64::new(recipe.seed);
     let (duration, dt) = recipe.duration;

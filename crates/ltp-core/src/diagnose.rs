@@ -50,6 +50,10 @@ pub struct Options {
 
 /// Share of each train record that is held out where no test record is given.
 const HELD_OUT: f64 = 1.0 / 3.0;
+/// Remaining error, in noise floors, that no verdict may call explained.
+const FAR: f64 = 10.0;
+/// Gain in log-likelihood of a missing force that is beyond doubt.
+const DECISIVE: f64 = 50.0;
 /// Deviation of a parameter from its stated value, in its stated uncertainty, that makes a verdict.
 const MOVED: f64 = 3.0;
 
@@ -153,13 +157,6 @@ fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         (Some(l), None) => unknown::law(l, nominal),
         _ => None,
     };
-    let verdict = match accepted {
-        Some(_) if !near.is_empty() => Verdict::Ambiguous,
-        Some(_) => Verdict::Effect,
-        None if unknown.is_some() => Verdict::Unknown,
-        None if !moved.is_empty() => Verdict::Parameter,
-        None => Verdict::Consistent,
-    };
 
     let stated_theta: Vec<f64> = nominal.priors.iter().map(|p| p.mean).collect();
     let subject = fit::Subject { system: &nominal.system, priors: &nominal.priors, moves: false };
@@ -186,6 +183,15 @@ fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         points.push(report::Point { system: &t.system, p: point(t), train: &t.fit.point.x0, test: &t.test_x0 });
     }
     let (records, fit) = report::fits(model, bench.train, bench.test, &points);
+    // Far above the noise, and a force at a port would explain it: that is neither consistent nor a parameter.
+    let unexplained = words::remaining(&fit) > FAR && case.located.as_ref().is_some_and(|l| l.gain > DECISIVE);
+    let verdict = match accepted {
+        Some(_) if !near.is_empty() => Verdict::Ambiguous,
+        Some(_) => Verdict::Effect,
+        None if unknown.is_some() || unexplained => Verdict::Unknown,
+        None if !moved.is_empty() => Verdict::Parameter,
+        None => Verdict::Consistent,
+    };
     doubts(after, trials, &fit, &mut warnings);
 
     let forces = match accepted.and_then(|w| Some((&trials[w], trials[w].effect.as_ref()?))) {
@@ -248,7 +254,7 @@ fn doubts(after: &Trial, trials: &[Trial], fit: &result::FitReport, warnings: &m
             ));
         }
     }
-    let lost: Vec<String> = trials.iter().filter(|t| !t.fit.converged).map(Trial::label).collect();
+    let lost: Vec<String> = trials.iter().filter(|t| !t.fit.converged && !t.imitated).map(Trial::label).collect();
     if !lost.is_empty() {
         warnings.push(format!("not converged, so that its rank may be too low: {}", lost.join(", ")));
     }

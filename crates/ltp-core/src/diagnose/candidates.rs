@@ -62,6 +62,12 @@ impl Trial {
         self.effect.as_ref().map_or("nothing".into(), |(e, p)| format!("{e}@{p}"))
     }
 
+    /// Standard deviations of the free parameters, coloured residuals accounted for.
+    pub fn sds(&self) -> Vec<f64> {
+        let inflation = self.residuals.inflation();
+        self.fit.sd.iter().map(|s| s * inflation).collect()
+    }
+
     /// All parameters at the fit.
     pub fn parameters(&self) -> Vec<f64> {
         full(&self.system, &self.fit.point.theta)

@@ -11,6 +11,8 @@ use crate::model::System;
 pub const APART: f64 = 10.0;
 /// Share of the structural error that a named effect must remove where it was not fitted.
 const MATERIAL: f64 = 0.25;
+/// A size that is not this many of its own standard deviations from zero is no size.
+const SIZED: f64 = 2.0;
 /// Smallest excess of a richer law over the simpler one, in units of the simpler one.
 const EXCESS: f64 = 0.25;
 
@@ -111,6 +113,8 @@ pub struct Evidence {
     pub share: f64,
     /// What a gain must exceed.
     pub threshold: f64,
+    /// Largest ratio of a parameter of the effect to its standard deviation.
+    pub sized: f64,
 }
 
 impl Evidence {
@@ -121,6 +125,7 @@ impl Evidence {
             && self.whitened > self.threshold
             && self.predicted >= MATERIAL
             && self.share >= MATERIAL
+            && self.sized >= SIZED
     }
 
     /// What speaks for an effect that was not accepted, and what against it; `None` where little speaks for it.
@@ -154,6 +159,10 @@ pub fn weigh(
     let added = (trial.fit.point.theta.len() - nominal.fit.point.theta.len()) as f64;
     let filters = b.filters();
     let whitened = |r: &Residuals| r.whitened_deviance(&r.train, &filters) + r.whitened_deviance(&r.test, &filters);
+    let sd = trial.sds();
+    let own = sd.len() - nominal.fit.point.theta.len();
+    let values = trial.fit.point.theta.iter().zip(&sd).rev().take(own);
+    let sizes = values.map(|(v, sd)| if *sd > 0.0 { (v / sd).abs() } else { 0.0 });
     Ok(Evidence {
         gain: a.deviance(&a.train) - b.deviance(&b.train) - added * samples.max(2.0).ln(),
         held_out: b.deviance(&b.test) - a.deviance(&a.test),
@@ -164,6 +173,7 @@ pub fn weigh(
         },
         share: removed(&[(a, &a.train)], &[(b, &b.train)]),
         threshold: 12.0 + 2.0 * (library.max(1) as f64).ln(),
+        sized: sizes.fold(0.0, f64::max),
     })
 }
 

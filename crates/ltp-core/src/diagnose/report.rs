@@ -88,12 +88,6 @@ pub fn fits(model: &Model, train: Ground<'_>, test: Ground<'_>, points: &[Point<
     (traces, report)
 }
 
-/// Standard deviations of the free parameters of a trial, coloured residuals accounted for.
-pub fn sds(trial: &Trial) -> Vec<f64> {
-    let inflation = trial.residuals.inflation();
-    trial.fit.sd.iter().map(|s| s * inflation).collect()
-}
-
 /// The ranking in public form.
 pub fn candidates(ranking: &Ranking, winner: Option<usize>, nominal: &Trial, trials: &[Trial]) -> Vec<Candidate> {
     let base = nominal.residuals.deviance(&nominal.residuals.test);
@@ -124,7 +118,7 @@ pub fn candidates(ranking: &Ranking, winner: Option<usize>, nominal: &Trial, tri
 
 /// Nominal parameters: stated, absorbed, and with the effect.
 pub fn parameters(nominal: &Trial, after: &Trial) -> IndexMap<String, ParameterReport> {
-    let sd = sds(after);
+    let sd = after.sds();
     nominal
         .system
         .free()
@@ -149,7 +143,7 @@ pub fn parameters(nominal: &Trial, after: &Trial) -> IndexMap<String, ParameterR
 /// The named effect with intervals.
 pub fn effect(trial: &Trial, share: f64) -> Option<NamedEffect> {
     let (name, at) = trial.effect.clone()?;
-    let sd = sds(trial);
+    let sd = trial.sds();
     let infos = trial.model.parameters();
     let parameters = trial
         .system
@@ -172,7 +166,7 @@ pub fn effect(trial: &Trial, share: f64) -> Option<NamedEffect> {
 /// None that a fitted model could cause.
 pub fn augmented(trial: &Trial) -> Result<Model> {
     let infos = trial.model.parameters();
-    let sd = sds(trial);
+    let sd = trial.sds();
     let p = full(&trial.system, &trial.fit.point.theta);
     let values: Vec<(&str, f64, Option<f64>)> = trial
         .system
@@ -192,7 +186,7 @@ pub fn law(trial: &Trial, located: &[super::result::Force]) -> Result<Option<Law
     let Some((name, port)) = &trial.effect else { return Ok(None) };
     let Some(function) = LawFunction::new(trial.model.library(), name)? else { return Ok(None) };
     let own: Vec<f64> = trial.effect_parameters().into_values().collect();
-    let sd = sds(trial);
+    let sd = trial.sds();
     let sd = &sd[sd.len() - own.len()..];
     Ok(Some(function.table(located, &own, sd, &trial.model.port_units(port)?)))
 }

@@ -15,6 +15,9 @@ use crate::model::{Compiled, Model, System};
 /// Relative difference of cost below which two fits ended in the same valley.
 const AGREE: f64 = 1e-3;
 
+/// How often a fit that has not reached its goal goes on from where it is.
+const PATIENCE: usize = 4;
+
 /// Share of an effect's action on the outputs that nothing else can imitate, below which it is another parameter's.
 const IMITATED: f64 = 1e-4;
 
@@ -178,7 +181,13 @@ fn trial(
         }
     }
     bench.train.control.check()?;
-    let Some(fit) = best else { return Ok(None) };
+    let Some(mut fit) = best else { return Ok(None) };
+    // The data are matched long before the priors have had their say along the valleys that the data leave open.
+    for _ in 0..PATIENCE {
+        let further = if fit.converged { None } else { run(&fit.point, &[]) };
+        let Some(f) = further.filter(|f| f.cost < fit.cost) else { break };
+        fit = f;
+    }
     let test_x0 = predict(bench, &system, &priors, &fit.point.theta);
     let p = full(&system, &fit.point.theta);
     let residuals = Residuals::of(&system, &p, (bench.train, &fit.point.x0), (bench.test, &test_x0));

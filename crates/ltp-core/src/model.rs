@@ -1,7 +1,7 @@
 //! The noun `Model`: equations as data, differentiated exactly and compiled to native code.
 //!
 //! Read in order: [`document`] (the tree a file holds), [`parse`] (expressions), [`units`], [`effects`] (the library of
-//! candidate physics), [`graph`] (shared expressions), `derivative`, [`assemble`] (names and equations), [`friction`]
+//! candidate physics), [`graph`] (shared expressions), `derivative`, [`mod@assemble`] (names and equations), [`friction`]
 //! (slip and stick), [`tape`] and [`native`] (evaluation), [`stepper`] (a whole step as one program), [`system`] (the
 //! trait simulation works on).
 

@@ -1,6 +1,6 @@
 //! The model document: the tree that a TOML file, a Python dict and a Rust struct share.
 //!
-//! It is data only; [`super::assemble`] gives it meaning. Field names are the public format (`docs/model.md`).
+//! It is data only; [`mod@super::assemble`] gives it meaning. Field names are the public format (`docs/model.md`).
 
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 //!
 //! Nodes are hash-consed, so that common subexpressions are computed once whatever the number of equations and
 //! derivatives that use them; constructors fold constants and drop neutral elements. Derivatives are in
-//! [`super::derivative`]. The graph knows no names: it works on [`Symbol`]s.
+//! `derivative`. The graph knows no names: it works on [`Symbol`]s.
 
 use std::collections::HashMap;
 

@@ -11,27 +11,8 @@ use ltp_core::model::{Model, Point, System, zoo};
 use ltp_core::simulate::{Inputs, Plan, Trajectory, simulate};
 use set_valued::Cart;
 
-/// A block under `A sin(w t)` with viscous friction and a port for dry friction.
-const BLOCK: &str = r#"
-name = "block"
-[states]
-q = {}
-v = {}
-[parameters]
-m = { value = 1.0 }
-b = { value = 0.0 }
-A = { value = 1.0 }
-w = { value = 2.0 }
-[flow]
-q = "v"
-v = "(A*sin(w*t) - b*v)/m"
-[outputs]
-q = "q"
-[ports.block]
-position = "q"
-velocity = "v"
-acts = { v = "1/m" }
-"#;
+/// A block under `A sin(w t)`.
+const BLOCK: &str = include_str!("oracles/block.toml");
 
 fn block(rig: &StickSlip) -> Model {
     let values = [("m", rig.m, None), ("b", rig.b, None), ("A", rig.amplitude, None), ("w", rig.omega, None)];

@@ -163,27 +163,8 @@ q = "q"
     }
 }
 
-/// A block under `A sin(w t)` with viscous friction and a port for dry friction.
-const BLOCK: &str = r#"
-name = "block"
-[states]
-q = {}
-v = {}
-[parameters]
-m = { value = 1.0 }
-b = { value = 0.3 }
-A = { value = 1.0 }
-w = { value = 2.0 }
-[flow]
-q = "v"
-v = "(A*sin(w*t) - b*v)/m"
-[outputs]
-q = "q"
-[ports.block]
-position = "q"
-velocity = "v"
-acts = { v = "1/m" }
-"#;
+/// A block under `A sin(w t)`.
+const BLOCK: &str = include_str!("oracles/block.toml");
 
 #[test]
 fn stick_slip() {

@@ -172,11 +172,12 @@ pub enum Error {
 }
 
 impl Error {
-    /// True when the caller's input cannot be right, false when a method failed on input that may be.
+    /// True when the caller's input cannot be right, false when a method failed on input that may be, or was
+    /// interrupted.
     ///
     /// Python raises `ltp.InputError` for the first and `ltp.ConvergenceError` for the second.
     pub fn is_input(&self) -> bool {
-        !matches!(self, Error::NoConvergence { .. })
+        !matches!(self, Error::NoConvergence { .. } | Error::Interrupted)
     }
 }
 

@@ -7,8 +7,10 @@
 pub mod conceal;
 pub mod diagnose;
 pub mod error;
+pub mod identify;
 pub mod model;
 pub mod numeric;
+pub mod periodic;
 pub mod signal;
 pub mod simulate;
 

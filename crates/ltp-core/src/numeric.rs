@@ -3,8 +3,9 @@
 //! Least squares is the centre: [`rows`] reduces tall problems to a triangle, [`lsq`] minimises nonlinear ones with
 //! bounds. Around it stand what noisy records need ([`spectrum`], [`whiten`], [`stats`], [`regression`]),
 //! interpolation ([`spline`]), bracketed roots ([`root`]), a Runge-Kutta method as data ([`tableau`]) and a reproducible
-//! random sequence ([`rng`]).
+//! random sequence ([`rng`]). [`fft`] decides how Fourier transforms are scaled.
 
+pub mod fft;
 pub mod lsq;
 pub mod regression;
 pub mod rng;
@@ -15,3 +16,6 @@ pub mod spline;
 pub mod stats;
 pub mod tableau;
 pub mod whiten;
+
+/// Complex numbers, as the Fourier transforms and the linear algebra of this crate use them.
+pub type Complex = rustfft::num_complex::Complex<f64>;

@@ -1,0 +1,1 @@
+//! Level 3: harmonic transfer functions from recordings, without any model.

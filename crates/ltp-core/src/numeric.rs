@@ -5,12 +5,14 @@
 //! interpolation ([`spline`]), bracketed roots ([`root`]), a Runge-Kutta method as data ([`tableau`]) and a reproducible
 //! random sequence ([`rng`]). [`fft`] decides how Fourier transforms are scaled.
 
+pub mod banded;
 pub mod fft;
 pub mod lsq;
 pub mod regression;
 pub mod rng;
 pub mod root;
 pub mod rows;
+pub mod smoother;
 pub mod spectrum;
 pub mod spline;
 pub mod stats;

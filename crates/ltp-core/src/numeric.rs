@@ -8,7 +8,9 @@
 
 pub mod chirp_z;
 pub mod fft;
+pub mod folded;
 pub mod lsq;
+pub mod quartic;
 pub mod regression;
 pub mod rng;
 pub mod root;

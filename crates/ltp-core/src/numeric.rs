@@ -3,11 +3,17 @@
 //! Least squares is the centre: [`rows`] reduces tall problems to a triangle, [`lsq`] minimises nonlinear ones with
 //! bounds. Around it stand what noisy records need ([`spectrum`], [`whiten`], [`stats`], [`regression`]),
 //! interpolation ([`spline`]), bracketed roots ([`root`]), a Runge-Kutta method as data ([`tableau`]) and a reproducible
-//! random sequence ([`rng`]). [`fft`] decides how Fourier transforms are scaled.
+//! random sequence ([`rng`]). [`fft`] decides how Fourier transforms are scaled; [`chirp_z`]
+//! takes their lines at any other spacing. [`smoother`] fits unknowns that bend little along an axis; [`penalised`] does the
+//! same through one [`banded`] system.
 
 pub mod banded;
+pub mod chirp_z;
 pub mod fft;
+pub mod folded;
 pub mod lsq;
+pub mod penalised;
+pub mod quartic;
 pub mod regression;
 pub mod rng;
 pub mod root;

@@ -87,8 +87,15 @@ impl Observations {
         self.power / self.rows().max(1) as f64
     }
 
-    fn at(&self, t: usize) -> std::ops::Range<usize> {
+    /// Rows of step `t`.
+    pub fn at(&self, t: usize) -> std::ops::Range<usize> {
         self.first[t]..self.first[t + 1]
+    }
+
+    /// Coefficient of unknown `i` in row `r`.
+    pub fn coefficient(&self, r: usize, i: usize) -> Complex {
+        let row = self.row(r);
+        Complex::new(row[i], -row[row.len() / 2 + i])
     }
 
     fn row(&self, r: usize) -> &[f64] {

@@ -36,7 +36,8 @@ impl Closing {
     /// `NoConvergence` when the covariance is no longer one.
     pub(super) fn new(state: &Blocks, mirror: &[usize], noise: f64, rows: &[Vector]) -> Result<Self> {
         let n = mirror.len();
-        let column = |kind: usize, i: usize, part: Part| kind * n + i + if matches!(part, Part::Im) { 2 * n } else { 0 };
+        let column =
+            |kind: usize, i: usize, part: Part| kind * n + i + if matches!(part, Part::Im) { 2 * n } else { 0 };
         let mut conditions = Vec::new();
         let mut variances = Vec::new();
         for (i, row) in rows.iter().enumerate() {
@@ -89,7 +90,7 @@ impl Closing {
     pub(super) fn pull(&self, level: &Vector, slope: &Vector, y: impl Iterator<Item = Complex>) -> [Vector; 2] {
         let n = self.n;
         let state = DVector::from_fn(4 * n, |i, _| {
-            let value = if (i / n) % 2 == 0 { level.get(i % n) } else { slope.get(i % n) };
+            let value = if (i / n).is_multiple_of(2) { level.get(i % n) } else { slope.get(i % n) };
             if i < 2 * n { value.re } else { value.im }
         });
         let mut misfit = -(&self.conditions * state);

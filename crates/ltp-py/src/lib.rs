@@ -9,6 +9,7 @@ mod conceal;
 mod diagnose;
 mod door;
 mod error;
+mod htf;
 mod interrupt;
 mod model;
 mod recording;
@@ -24,6 +25,8 @@ mod _ltp {
     use crate::diagnose::{Diagnosis, diagnose};
     #[pymodule_export]
     use crate::error::{ConvergenceError, InputError};
+    #[pymodule_export]
+    use crate::htf::Htf;
     #[pymodule_export]
     use crate::model::{Model, effect_names, effect_text, unit_factor, zoo_names, zoo_text};
     #[pymodule_export]

@@ -1,5 +1,7 @@
 //! The noun `Htf` of the extension.
 
+use std::sync::Arc;
+
 use ltp_core::error::Error;
 use ltp_core::numeric::Complex;
 use ltp_core::periodic;
@@ -13,7 +15,7 @@ use crate::{array, door};
 /// Harmonic transfer functions on a grid of input frequencies.
 #[pyclass(frozen, module = "ltp._ltp")]
 pub struct Htf {
-    core: periodic::Htf,
+    core: Arc<periodic::Htf>,
     values: PyOnceLock<Py<PyArray4<Complex>>>,
     sd: PyOnceLock<Py<PyArray4<f64>>>,
     coherence: PyOnceLock<Py<PyArray2<f64>>>,
@@ -23,7 +25,7 @@ pub struct Htf {
 impl From<periodic::Htf> for Htf {
     fn from(core: periodic::Htf) -> Self {
         let (values, sd) = (PyOnceLock::new(), PyOnceLock::new());
-        Self { core, values, sd, coherence: PyOnceLock::new(), omega: PyOnceLock::new() }
+        Self { core: Arc::new(core), values, sd, coherence: PyOnceLock::new(), omega: PyOnceLock::new() }
     }
 }
 
@@ -104,6 +106,58 @@ impl Htf {
         self.omega.get_or_init(py, || array::freeze(self.core.omega().to_pyarray(py))).clone_ref(py)
     }
 
+    /// `H_k` (n,) at any frequencies `omega` (n,), rad/s, of both signs; zero beyond the grid.
+    fn at<'py>(
+        &self,
+        py: Python<'py>,
+        k: i64,
+        omega: &Bound<'_, PyAny>,
+        output: usize,
+        input: usize,
+    ) -> PyResult<Bound<'py, PyArray1<Complex>>> {
+        let omega = array::vector("omega", omega)?;
+        let values = door::short(py, || {
+            self.signals(output, input)?;
+            Ok(omega.iter().map(|&omega| self.core.at(k, omega, output, input)).collect::<Vec<_>>())
+        })?;
+        Ok(values.to_pyarray(py))
+    }
+
+    /// Outputs (n, ny) at times `t` (n,), s, settled under `amplitude * cos(omega t + phase)` on one input.
+    fn steady_state<'py>(
+        &self,
+        py: Python<'py>,
+        omega: f64,
+        amplitude: f64,
+        phase: f64,
+        input: usize,
+        t: &Bound<'_, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let t = array::vector("t", t)?;
+        let outputs = door::short(py, || {
+            self.signals(0, input)?;
+            Ok(self.core.steady_state(omega, amplitude, phase, input, &t))
+        })?;
+        array::matrix(py, outputs, t.len(), self.core.outputs())
+    }
+
+    /// Outputs (n, ny) under an input (n, nu) that is zero before and after, with what is doubtful about them.
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        u: &Bound<'_, PyAny>,
+        t0: f64,
+        dt: f64,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<String>)> {
+        let (u, [rows, width]) = array::rows("u", u)?;
+        let core = Arc::clone(&self.core);
+        let found = door::long(py, None, move |_| {
+            agree("u: columns, as inputs", core.inputs(), width)?;
+            core.predict(&u, t0, dt)
+        })?;
+        Ok((array::matrix(py, found.outputs, rows, self.core.outputs())?, found.warnings))
+    }
+
     /// Period T, s.
     #[getter]
     fn period(&self) -> f64 {
@@ -135,6 +189,18 @@ impl Htf {
     /// The harmonic transfer functions that the core knows.
     pub fn core(&self) -> &periodic::Htf {
         &self.core
+    }
+
+    /// Refuses an output or input that is not there.
+    fn signals(&self, output: usize, input: usize) -> ltp_core::Result<()> {
+        let counts = [("output", output, self.core.outputs()), ("input", input, self.core.inputs())];
+        match counts.into_iter().find(|(_, index, count)| index >= count) {
+            None => Ok(()),
+            Some((what, index, count)) => {
+                let expected = format!("at most {}; they are counted from 0", count - 1);
+                Err(Error::OutOfRange { what: what.into(), found: index as f64, expected })
+            }
+        }
     }
 
     fn shape(&self) -> [usize; 4] {

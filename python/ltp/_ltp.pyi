@@ -11,6 +11,7 @@ import numpy.typing as npt
 __all__ = [
     "ConvergenceError",
     "Diagnosis",
+    "Htf",
     "InputError",
     "Model",
     "Recording",
@@ -146,6 +147,36 @@ class Trajectory:
 class Diagnosis:
     def json(self) -> str: ...
     def traces(self) -> dict[str, Any]: ...
+
+@final
+class Htf:
+    def __new__(
+        cls,
+        values: npt.NDArray[np.complex128],
+        omega: npt.NDArray[np.float64],
+        period: float,
+        sd: npt.NDArray[np.float64] | None,
+        coherence: npt.NDArray[np.float64] | None,
+        method: str,
+        figures: Mapping[str, float],
+        warnings: Sequence[str],
+    ) -> Htf: ...
+    @property
+    def values(self) -> npt.NDArray[np.complex128]: ...
+    @property
+    def omega(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def period(self) -> float: ...
+    @property
+    def sd(self) -> npt.NDArray[np.float64] | None: ...
+    @property
+    def coherence(self) -> npt.NDArray[np.float64] | None: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def figures(self) -> dict[str, float]: ...
+    @property
+    def warnings(self) -> list[str]: ...
 
 def simulate(
     model: Model,

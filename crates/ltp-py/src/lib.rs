@@ -9,10 +9,13 @@ mod array;
 mod arx;
 mod conceal;
 mod cycles;
+mod cycle;
 mod diagnose;
 mod door;
 mod error;
+mod htf;
 mod interrupt;
+mod linearize;
 mod model;
 mod recording;
 mod section;
@@ -28,10 +31,15 @@ mod _ltp {
     use crate::conceal::conceal;
     #[pymodule_export]
     use crate::cycles::{Phase, cycle_average, phase_from_events, switch_events};
+    use crate::cycle::{LimitCycle, cycle};
     #[pymodule_export]
     use crate::diagnose::{Diagnosis, diagnose};
     #[pymodule_export]
     use crate::error::{ConvergenceError, InputError};
+    #[pymodule_export]
+    use crate::htf::Htf;
+    #[pymodule_export]
+    use crate::linearize::{LtpSystem, linearize};
     #[pymodule_export]
     use crate::model::{Model, effect_names, effect_text, unit_factor, zoo_names, zoo_text};
     #[pymodule_export]

@@ -8,8 +8,8 @@
 mod array;
 mod arx;
 mod conceal;
-mod cycles;
 mod cycle;
+mod cycles;
 mod diagnose;
 mod door;
 mod error;
@@ -30,8 +30,9 @@ mod _ltp {
     #[pymodule_export]
     use crate::conceal::conceal;
     #[pymodule_export]
-    use crate::cycles::{Phase, cycle_average, phase_from_events, switch_events};
     use crate::cycle::{LimitCycle, cycle};
+    #[pymodule_export]
+    use crate::cycles::{Phase, cycle_average, phase_from_events, switch_events};
     #[pymodule_export]
     use crate::diagnose::{Diagnosis, diagnose};
     #[pymodule_export]

@@ -2,7 +2,7 @@
 //!
 //! Read in order: [`error`] (how failures arrive), [`door`] (how work is done without holding the interpreter),
 //! [`array`] (how numbers cross), [`interrupt`] (how a simulation is stopped), then the nouns [`model`], [`recording`] and
-//! [`trajectory`], and the verbs [`simulate`], [`diagnose`] and [`conceal`].
+//! [`trajectory`], the verbs [`simulate`], [`diagnose`] and [`conceal`], and [`signals`], what experiments put in.
 
 mod array;
 mod conceal;
@@ -12,6 +12,7 @@ mod error;
 mod interrupt;
 mod model;
 mod recording;
+mod signals;
 mod simulate;
 mod trajectory;
 
@@ -28,6 +29,11 @@ mod _ltp {
     use crate::model::{Model, effect_names, effect_text, unit_factor, zoo_names, zoo_text};
     #[pymodule_export]
     use crate::recording::Recording;
+    #[pymodule_export]
+    use crate::signals::{
+        ExperimentPlan, Multisine, add_noise, chirp, e_rms, multisine_lines, noise, phase_shifted_chirps, relative_rms,
+        rms_error, settling_periods, sine, step,
+    };
     #[pymodule_export]
     use crate::simulate::simulate;
     #[pymodule_export]

@@ -183,7 +183,7 @@ class TestDesign:
             for k, weight in ((0, 1.0), (1, 0.4), (3, 0.0)):
                 found = spectrum[design.multisine.lines + k * design.cycles] / u
                 ratios.append(np.abs(found - weight * hold / (1j * omega + 3)) ** 2 / design.sd**2)
-        # Exponential with mean one; what aliases through the hold is below 1e-3 of the deviation.
+        # Exponential with mean one; what aliases through the hold is 2e-6 of the deviation.
         mean, inside = np.mean(ratios), np.mean(np.array(ratios) <= np.log(20))
         count = np.size(ratios)
         assert mean == pytest.approx(1.0, abs=4 / np.sqrt(count))

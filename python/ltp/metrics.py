@@ -1,4 +1,4 @@
-"""Owns `ltp.metrics`: how far a prediction is from what was measured. Samples that are NaN on either side do not count."""
+"""Owns `ltp.metrics`: how far a prediction is from what was measured. Gaps, NaN on either side, do not count."""
 
 from __future__ import annotations
 

@@ -62,9 +62,7 @@ def sine(omega: float, *, amplitude: float = 1.0, phase: float = 0.0, t_end: flo
     return _ltp.sine(amplitude, omega, phase, t_end, dt)
 
 
-def step(
-    *, amplitude: float = 1.0, start: float = 0.0, end: float = np.inf, t_end: float, dt: float = 1e-3
-) -> Array:
+def step(*, amplitude: float = 1.0, start: float = 0.0, end: float = np.inf, t_end: float, dt: float = 1e-3) -> Array:
     """`amplitude` for `start <= t < end` (s), zero before and after."""
     return _ltp.step(amplitude, start, end, t_end, dt)
 
@@ -78,7 +76,7 @@ def add_noise(x: npt.ArrayLike, snr: float, *, seed: int = 0) -> tuple[Array, fl
     """`x` (n,) with white Gaussian noise of `sd = rms(x) / sqrt(snr)`, and that `sd`; gaps (NaN) stay gaps.
 
     The ratio counts noise up to half the sampling frequency fs: in a band B (Hz) it is about `fs / (2 B)` times better.
-    Uyanik et al. 2015, equations (21) and (22). Raises `InputError` for a ratio that is not positive or an `x` of zeros.
+    Uyanik et al. 2015, equations (21) and (22). Raises `InputError` for a ratio that is not positive or a zero `x`.
     """
     return _ltp.add_noise(_array("x", x), snr, seed)
 
@@ -100,9 +98,7 @@ class Multisine:
     def __post_init__(self) -> None:
         """Check and freeze what was given."""
         lines = [int(line) for line in self.lines]
-        core = _ltp.Multisine(
-            self.period, lines, _array("amplitudes", self.amplitudes), _array("phases", self.phases)
-        )
+        core = _ltp.Multisine(self.period, lines, _array("amplitudes", self.amplitudes), _array("phases", self.phases))
         self._keep(core)
 
     @classmethod
@@ -255,9 +251,7 @@ def design(
     period = 2 * np.pi / float(system) if known is None else float(known.period)
     if settle is None and known is not None:
         settle = _ltp.settling_periods(float(np.max(np.abs(known.multipliers), initial=0.0)))
-    plan = _ltp.ExperimentPlan(
-        period, _band(band), duration, dt, repeats, settle, lines, half_pumping, count, spread
-    )
+    plan = _ltp.ExperimentPlan(period, _band(band), duration, dt, repeats, settle, lines, half_pumping, count, spread)
     if gain is None and known is not None:
         gain = _gain(known, harmonics)
     gains = None if gain is None else _at_lines("gain", gain, plan.omega)

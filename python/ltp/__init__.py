@@ -23,6 +23,7 @@ from ltp.diagnose import (
     ParameterChange,
     diagnose,
 )
+from ltp.htf import Htf
 from ltp.model import Model
 from ltp.recording import Recording
 from ltp.simulate import Event, Stop, Trajectory, simulate
@@ -36,6 +37,7 @@ __all__ = [
     "Event",
     "Fit",
     "FitRow",
+    "Htf",
     "InputError",
     "Law",
     "Location",

@@ -12,6 +12,7 @@ __all__ = [
     "ConvergenceError",
     "Diagnosis",
     "ExperimentPlan",
+    "Htf",
     "InputError",
     "Model",
     "Multisine",
@@ -235,6 +236,36 @@ class ExperimentPlan:
         crest_turns: int,
         seed: int,
     ) -> _Design: ...
+
+@final
+class Htf:
+    def __new__(
+        cls,
+        values: npt.NDArray[np.complex128],
+        omega: npt.NDArray[np.float64],
+        period: float,
+        sd: npt.NDArray[np.float64] | None,
+        coherence: npt.NDArray[np.float64] | None,
+        method: str,
+        figures: Mapping[str, float],
+        warnings: Sequence[str],
+    ) -> Htf: ...
+    @property
+    def values(self) -> npt.NDArray[np.complex128]: ...
+    @property
+    def omega(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def period(self) -> float: ...
+    @property
+    def sd(self) -> npt.NDArray[np.float64] | None: ...
+    @property
+    def coherence(self) -> npt.NDArray[np.float64] | None: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def figures(self) -> dict[str, float]: ...
+    @property
+    def warnings(self) -> list[str]: ...
 
 def simulate(
     model: Model,

@@ -5,7 +5,7 @@ Figures are matplotlib ``Figure`` objects made without pyplot, so nothing is reg
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
@@ -101,6 +101,15 @@ def figure_legend(figure: Figure, axes: Axes, swatches: dict[str, str] | None = 
     if swatches is not None:
         handles, labels = [Patch(color=color) for color in swatches.values()], list(swatches)
     figure.legend(handles, labels, loc="outside upper left", ncols=4, handlelength=1.6, borderpad=0.1)
+
+
+def shared_legend(figure: Figure, panels: Iterable[Axes]) -> None:
+    """The labelled artists of all panels, each label once, in one row above them."""
+    seen: dict[str, Any] = {}
+    for axes in panels:
+        handles, labels = axes.get_legend_handles_labels()
+        seen |= {name: handle for name, handle in zip(labels, handles, strict=True) if name not in seen}
+    figure.legend(list(seen.values()), list(seen), loc="outside upper left", ncols=5, handlelength=1.6, borderpad=0.1)
 
 
 def plain_ticks(axes: Axes, x: int | None = 7, y: int | None = 5) -> None:

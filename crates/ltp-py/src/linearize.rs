@@ -1,0 +1,93 @@
+//! The verb `linearize` and the noun `LtpSystem` of the extension.
+
+use std::sync::Arc;
+
+use ltp_core::linearize as core;
+use ltp_core::model::System;
+use ltp_core::numeric::Complex;
+use ltp_core::periodic::{self, system::Entry};
+use numpy::{PyArray1, PyArray2, ToPyArray};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+use crate::cycle::LimitCycle;
+use crate::htf::Htf;
+use crate::interrupt::Interruptible;
+use crate::model::Model;
+use crate::{array, door};
+
+/// A linear time-periodic system with jumps.
+#[pyclass(frozen, module = "ltp._ltp")]
+pub struct LtpSystem {
+    core: Arc<periodic::LtpSystem>,
+}
+
+/// The linear time-periodic system of a model around its periodic orbit.
+#[pyfunction]
+pub fn linearize(py: Python<'_>, model: &Model, cycle: &LimitCycle) -> PyResult<LtpSystem> {
+    let (system, orbit) = (model.compiled(py)?, cycle.core().clone());
+    let core = door::long(py, None, move |outside| {
+        let parameters = system.parameters().to_vec();
+        core::linearize(&Interruptible::new(system, outside.interrupted), &parameters, &orbit)
+    })?;
+    Ok(LtpSystem { core: Arc::new(core) })
+}
+
+#[pymethods]
+impl LtpSystem {
+    /// Period T, s.
+    #[getter]
+    fn period(&self) -> f64 {
+        self.core.period()
+    }
+
+    /// Numbers of states, inputs and outputs.
+    #[getter]
+    fn size(&self) -> (usize, usize, usize) {
+        let size = self.core.size();
+        (size.nx, size.nu, size.ny)
+    }
+
+    /// Matrix "A", "B", "C" or "D" at time `t`, s; at a jump, its value just after.
+    fn matrix<'py>(&self, py: Python<'py>, name: &str, t: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let size = self.core.size();
+        let (entry, rows, width) = match name {
+            "A" => (Entry::A, size.nx, size.nx),
+            "B" => (Entry::B, size.nx, size.nu),
+            "C" => (Entry::C, size.ny, size.nx),
+            _ => (Entry::D, size.ny, size.nu),
+        };
+        array::matrix(py, self.core.matrix(entry, t), rows, width)
+    }
+
+    /// Each jump as (name, time, S (nx, nx), E (nx, nu)).
+    #[getter]
+    fn jumps<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyTuple>>> {
+        let size = self.core.size();
+        let jump = |jump: &periodic::Jump| {
+            let state = array::matrix(py, jump.state.clone(), size.nx, size.nx)?;
+            let input = array::matrix(py, jump.input.clone(), size.nx, size.nu)?;
+            (jump.name.as_str(), jump.time, state, input).into_pyobject(py)
+        };
+        self.core.jumps().map(jump).collect()
+    }
+
+    /// Monodromy matrix (nx, nx) from time zero, jumps included.
+    #[getter]
+    fn monodromy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let nx = self.core.size().nx;
+        array::matrix(py, self.core.monodromy().to_vec(), nx, nx)
+    }
+
+    /// Floquet multipliers (nx,), largest magnitude first.
+    #[getter]
+    fn multipliers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<Complex>> {
+        self.core.multipliers().to_pyarray(py)
+    }
+
+    /// Exact harmonic transfer functions, harmonics -K to K at the input frequencies `omega` (n_omega,), rad/s.
+    fn htf(&self, py: Python<'_>, omega: &Bound<'_, PyAny>, harmonics: usize) -> PyResult<Htf> {
+        let (omega, core) = (array::vector("omega", omega)?, Arc::clone(&self.core));
+        Ok(door::long(py, None, move |_| core.htf(&omega, harmonics))?.into())
+    }
+}

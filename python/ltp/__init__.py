@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ltp import zoo
+from ltp import metrics, signals, zoo
 from ltp._ltp import ConvergenceError, InputError
 from ltp.diagnose import (
     Candidate,
@@ -47,6 +47,8 @@ __all__ = [
     "Stop",
     "Trajectory",
     "diagnose",
+    "metrics",
+    "signals",
     "simulate",
     "zoo",
 ]

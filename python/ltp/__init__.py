@@ -11,6 +11,21 @@ from typing import TYPE_CHECKING
 
 from ltp import zoo
 from ltp._ltp import ConvergenceError, InputError
+from ltp.cycles import (
+    Cycle,
+    CycleAverage,
+    HeldOut,
+    PeriodicArx,
+    Phase,
+    Ratio,
+    SectionMap,
+    StepResponse,
+    cycle_average,
+    identify_arx,
+    identify_map,
+    phase_from_events,
+    switch_times,
+)
 from ltp.diagnose import (
     Candidate,
     Diagnosis,
@@ -30,22 +45,35 @@ from ltp.simulate import Event, Stop, Trajectory, simulate
 __all__ = [
     "Candidate",
     "ConvergenceError",
+    "Cycle",
+    "CycleAverage",
     "Diagnosis",
     "Effect",
     "Estimate",
     "Event",
     "Fit",
     "FitRow",
+    "HeldOut",
     "InputError",
     "Law",
     "Location",
     "Model",
     "ParameterChange",
+    "PeriodicArx",
+    "Phase",
+    "Ratio",
     "Recording",
+    "SectionMap",
+    "StepResponse",
     "Stop",
     "Trajectory",
+    "cycle_average",
     "diagnose",
+    "identify_arx",
+    "identify_map",
+    "phase_from_events",
     "simulate",
+    "switch_times",
     "zoo",
 ]
 

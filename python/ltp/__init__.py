@@ -11,6 +11,21 @@ from typing import TYPE_CHECKING
 
 from ltp import metrics, signals, zoo
 from ltp._ltp import ConvergenceError, InputError
+from ltp.cycles import (
+    Cycle,
+    CycleAverage,
+    HeldOut,
+    PeriodicArx,
+    Phase,
+    Ratio,
+    SectionMap,
+    StepResponse,
+    cycle_average,
+    identify_arx,
+    identify_map,
+    phase_from_events,
+    switch_times,
+)
 from ltp.diagnose import (
     Candidate,
     Diagnosis,
@@ -31,6 +46,8 @@ from ltp.simulate import Event, Stop, Trajectory, simulate
 __all__ = [
     "Candidate",
     "ConvergenceError",
+    "Cycle",
+    "CycleAverage",
     "Diagnosis",
     "Effect",
     "Estimate",
@@ -38,18 +55,29 @@ __all__ = [
     "Fit",
     "FitRow",
     "Htf",
+    "HeldOut",
     "InputError",
     "Law",
     "Location",
     "Model",
     "ParameterChange",
+    "PeriodicArx",
+    "Phase",
+    "Ratio",
     "Recording",
+    "SectionMap",
+    "StepResponse",
     "Stop",
     "Trajectory",
+    "cycle_average",
     "diagnose",
     "metrics",
     "signals",
+    "identify_arx",
+    "identify_map",
+    "phase_from_events",
     "simulate",
+    "switch_times",
     "zoo",
 ]
 

@@ -3,11 +3,18 @@
 //! [`spectra`] turns recordings into lines on which the clock is a whole number of bins, and refuses what cannot be
 //! identified. Three methods read them: [`floquet`] fits numerators of finite memory over one common denominator, whose
 //! roots are the Floquet multipliers; [`curvature`] is Siddiqi's least squares with a smoothness penalty; [`lines`] divides
-//! line by line where the excitation is periodic. Nothing here can see a model, so nothing can peek at the truth.
+//! line by line where the excitation is periodic. Where no clock runs, [`phase`] reads it from
+//! events, [`orbit`] averages over cycles, [`arx`] and [`section`] are discrete periodic models, scored by [`held_out`] runs.
+//! Nothing here can see a model, so nothing can peek at the truth.
 
+pub mod arx;
 pub mod curvature;
 pub mod floquet;
+pub mod held_out;
 pub mod lines;
+pub mod orbit;
+pub mod phase;
+pub mod section;
 pub mod spectra;
 
 use crate::error::Result;

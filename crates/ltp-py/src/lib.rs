@@ -2,11 +2,14 @@
 //!
 //! Read in order: [`error`] (how failures arrive), [`door`] (how work is done without holding the interpreter),
 //! [`array`] (how numbers cross), [`interrupt`] (how a simulation is stopped), then the nouns [`model`], [`recording`] and
-//! [`trajectory`], and the verbs [`simulate`], [`diagnose`] and [`conceal`].
+//! [`trajectory`], the verbs [`simulate`], [`diagnose`] and [`conceal`], and what is read from unclocked recordings: [`cycles`],
+//! [`arx`] and [`section`].
 
 mod array;
+mod arx;
 mod conceal;
 mod cycle;
+mod cycles;
 mod diagnose;
 mod door;
 mod error;
@@ -15,6 +18,7 @@ mod interrupt;
 mod linearize;
 mod model;
 mod recording;
+mod section;
 mod simulate;
 mod trajectory;
 
@@ -22,9 +26,13 @@ mod trajectory;
 #[pyo3::pymodule(gil_used = false)]
 mod _ltp {
     #[pymodule_export]
+    use crate::arx::{HeldOut, PeriodicArx, identify_arx};
+    #[pymodule_export]
     use crate::conceal::conceal;
     #[pymodule_export]
     use crate::cycle::{LimitCycle, cycle};
+    #[pymodule_export]
+    use crate::cycles::{Phase, cycle_average, phase_from_events, switch_events};
     #[pymodule_export]
     use crate::diagnose::{Diagnosis, diagnose};
     #[pymodule_export]
@@ -37,6 +45,8 @@ mod _ltp {
     use crate::model::{Model, effect_names, effect_text, unit_factor, zoo_names, zoo_text};
     #[pymodule_export]
     use crate::recording::Recording;
+    #[pymodule_export]
+    use crate::section::identify_map;
     #[pymodule_export]
     use crate::simulate::simulate;
     #[pymodule_export]

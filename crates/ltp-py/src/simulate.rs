@@ -118,12 +118,7 @@ fn grid(t: &[f64], step: Option<f64>) -> Result<Plan> {
 }
 
 /// The model's initial state with some values replaced; `argument` is what errors call them.
-pub fn initial(
-    model: &model::Model,
-    system: &Compiled,
-    argument: &str,
-    given: &[(String, f64)],
-) -> Result<Vec<f64>> {
+pub fn initial(model: &model::Model, system: &Compiled, argument: &str, given: &[(String, f64)]) -> Result<Vec<f64>> {
     let mut x = system.initial_state();
     for (name, value) in given {
         let Some(i) = model.states().iter().position(|state| state == name) else {

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ltp import zoo
 from ltp._ltp import ConvergenceError, InputError
+from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
     Diagnosis,
@@ -24,6 +25,7 @@ from ltp.diagnose import (
     diagnose,
 )
 from ltp.htf import Htf
+from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
 from ltp.recording import Recording
 from ltp.simulate import Event, Stop, Trajectory, simulate
@@ -31,7 +33,9 @@ from ltp.simulate import Event, Stop, Trajectory, simulate
 __all__ = [
     "Candidate",
     "ConvergenceError",
+    "CycleEvent",
     "Diagnosis",
+    "Domain",
     "Effect",
     "Estimate",
     "Event",
@@ -39,14 +43,20 @@ __all__ = [
     "FitRow",
     "Htf",
     "InputError",
+    "Jump",
     "Law",
+    "LimitCycle",
     "Location",
+    "LtpSystem",
     "Model",
+    "Other",
     "ParameterChange",
     "Recording",
     "Stop",
     "Trajectory",
+    "cycle",
     "diagnose",
+    "linearize",
     "simulate",
     "zoo",
 ]

@@ -103,7 +103,9 @@ class LimitCycle:
 
         events = {event.name: event.phase for event in self.events}
         phase = (run.t - run.t[0]) / self.period
-        return orbit(phase, run.mode.tolist(), curve(across), curve(up), others=[curve(n) for n in others], events=events)
+        return orbit(
+            phase, run.mode.tolist(), curve(across), curve(up), others=[curve(n) for n in others], events=events
+        )
 
 
 def cycle(
@@ -130,8 +132,8 @@ def cycle(
         it; `seed` draws them.
 
     Where an orbit is found depends on the start: a machine may have several. Doubts are warned of and kept in
-    `warnings`. Raises `ConvergenceError` when there is no periodic orbit to be found, `InputError` for a name, period or
-    value that cannot be.
+    `warnings`. Raises `ConvergenceError` when there is no periodic orbit to be found, `InputError` for a name, period
+    or value that cannot be.
     """
     if probes < 0:
         raise InputError(f"cycle: probes is {probes}, expected a number of starts from 0 on; correct it")

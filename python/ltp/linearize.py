@@ -1,4 +1,4 @@
-"""Owns `ltp.linearize` and the noun `LtpSystem` in Python: a model around its orbit, linear and periodic, with jumps."""
+"""Owns `ltp.linearize` and the noun `LtpSystem` in Python: a model around its orbit, linear, periodic, with jumps."""
 
 from __future__ import annotations
 
@@ -71,6 +71,19 @@ class LtpSystem:
         """
         _check_harmonics("htf", harmonics)
         return Htf.wrap(self._core.htf(_vector("omega", omega), harmonics))
+
+    def lift(self, truncation: int) -> npt.NDArray[np.complex128]:
+        """The matrix `A - N` of the harmonic state space, blocks -truncation to truncation, of order (2N+1) nx.
+
+        Raises `InputError` for a system with jumps, which has no Fourier series that converges.
+        """
+        _check_harmonics("lift", truncation)
+        return self._core.lift(truncation)
+
+    def lifted_htf(self, omega: npt.ArrayLike, harmonics: int, truncation: int) -> Htf:
+        """As `htf`, by the harmonic state space truncated at `truncation`: a second route, for smooth systems."""
+        _check_harmonics("lifted_htf", harmonics)
+        return Htf.wrap(self._core.lifted_htf(_vector("omega", omega), harmonics, truncation))
 
     def __repr__(self) -> str:
         return (

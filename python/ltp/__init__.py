@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ltp import zoo
+from ltp import metrics, signals, zoo
 from ltp._ltp import ConvergenceError, InputError
 from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
@@ -57,6 +57,8 @@ __all__ = [
     "cycle",
     "diagnose",
     "linearize",
+    "metrics",
+    "signals",
     "simulate",
     "zoo",
 ]

@@ -11,20 +11,33 @@ import numpy.typing as npt
 __all__ = [
     "ConvergenceError",
     "Diagnosis",
+    "ExperimentPlan",
     "Htf",
     "InputError",
     "LimitCycle",
     "LtpSystem",
     "Model",
+    "Multisine",
     "Recording",
     "Trajectory",
+    "add_noise",
+    "chirp",
     "conceal",
     "cycle",
     "diagnose",
+    "e_rms",
     "effect_names",
     "effect_text",
     "linearize",
+    "multisine_lines",
+    "noise",
+    "phase_shifted_chirps",
+    "relative_rms",
+    "rms_error",
+    "settling_periods",
     "simulate",
+    "sine",
+    "step",
     "unit_factor",
     "zoo_names",
     "zoo_text",
@@ -67,6 +80,14 @@ class _Case(TypedDict):
     train: list[Recording]
     test: list[Recording]
     label: str
+
+@type_check_only
+class _Design(TypedDict):
+    multisine: Multisine
+    noise_sd: float | None
+    sd: npt.NDArray[np.float64]
+    band: npt.NDArray[np.float64]
+    advice: list[str]
 
 @final
 class Model:
@@ -151,6 +172,74 @@ class Trajectory:
 class Diagnosis:
     def json(self) -> str: ...
     def traces(self) -> dict[str, Any]: ...
+
+@final
+class Multisine:
+    def __new__(
+        cls,
+        period: float,
+        lines: Sequence[int],
+        amplitudes: npt.NDArray[np.float64],
+        phases: npt.NDArray[np.float64],
+    ) -> Multisine: ...
+    @staticmethod
+    def random(
+        period: float,
+        lines: Sequence[int],
+        weights: npt.NDArray[np.float64] | None,
+        rms: float,
+        crest_turns: int,
+        seed: int,
+    ) -> Multisine: ...
+    @property
+    def period(self) -> float: ...
+    @property
+    def lines(self) -> list[int]: ...
+    @property
+    def omega(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def amplitudes(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def phases(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def rms(self) -> float: ...
+    @property
+    def crest(self) -> float: ...
+    def samples(self, t_end: float, dt: float) -> npt.NDArray[np.float64]: ...
+
+@final
+class ExperimentPlan:
+    def __new__(
+        cls,
+        period: float,
+        band: tuple[float, float],
+        duration: float,
+        dt: float,
+        repeats: int,
+        settle: int | None,
+        lines: str,
+        half_pumping: str,
+        count: int | None,
+        spread: str,
+    ) -> ExperimentPlan: ...
+    @property
+    def settle(self) -> int: ...
+    @property
+    def cycles(self) -> int: ...
+    @property
+    def omega(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def times(self) -> tuple[float, float]: ...
+    def design(
+        self,
+        gain: npt.NDArray[np.float64] | None,
+        rms: float,
+        power: float,
+        noise_sd: float | None,
+        snr: float | None,
+        crest_turns: int,
+        seed: int,
+    ) -> _Design: ...
 
 @final
 class Htf:
@@ -289,3 +378,33 @@ def zoo_text(name: str) -> str: ...
 def effect_names() -> list[str]: ...
 def effect_text(name: str) -> str: ...
 def unit_factor(found: str, wanted: str) -> float: ...
+def chirp(
+    amplitude: float, band: tuple[float, float], duration: float, t_end: float | None, dt: float
+) -> npt.NDArray[np.float64]: ...
+def phase_shifted_chirps(
+    amplitude: float,
+    band: tuple[float, float],
+    duration: float,
+    period: float,
+    repetitions: int,
+    timing: str,
+    t_end: float | None,
+    dt: float,
+) -> npt.NDArray[np.float64]: ...
+def sine(amplitude: float, omega: float, phase: float, t_end: float, dt: float) -> npt.NDArray[np.float64]: ...
+def step(amplitude: float, start: float, end: float, t_end: float, dt: float) -> npt.NDArray[np.float64]: ...
+def noise(n: int, sd: float, seed: int) -> npt.NDArray[np.float64]: ...
+def add_noise(x: npt.NDArray[np.float64], snr: float, seed: int) -> tuple[npt.NDArray[np.float64], float]: ...
+def multisine_lines(
+    period: float,
+    cycles: int,
+    band: tuple[float, float],
+    lines: str,
+    half_pumping: str,
+    count: int | None,
+    spread: str,
+) -> list[int]: ...
+def settling_periods(multiplier: float) -> int: ...
+def e_rms(measured: npt.NDArray[np.float64], predicted: npt.NDArray[np.float64]) -> float: ...
+def rms_error(measured: npt.NDArray[np.float64], predicted: npt.NDArray[np.float64]) -> float: ...
+def relative_rms(measured: npt.NDArray[np.float64], predicted: npt.NDArray[np.float64]) -> float: ...

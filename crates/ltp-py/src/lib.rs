@@ -2,8 +2,8 @@
 //!
 //! Read in order: [`error`] (how failures arrive), [`door`] (how work is done without holding the interpreter),
 //! [`array`] (how numbers cross), [`interrupt`] (how a simulation is stopped), then the nouns [`model`], [`recording`] and
-//! [`trajectory`], the verbs [`simulate`], [`diagnose`] and [`conceal`], and what is read from unclocked recordings: [`cycles`],
-//! [`arx`] and [`section`].
+//! [`trajectory`], the verbs [`simulate`], [`diagnose`] and [`conceal`], what is read from unclocked recordings ([`cycles`],
+//! [`arx`] and [`section`]), and what experiments put in ([`signals`]).
 
 mod array;
 mod arx;
@@ -19,6 +19,7 @@ mod linearize;
 mod model;
 mod recording;
 mod section;
+mod signals;
 mod simulate;
 mod trajectory;
 
@@ -47,6 +48,11 @@ mod _ltp {
     use crate::recording::Recording;
     #[pymodule_export]
     use crate::section::identify_map;
+    #[pymodule_export]
+    use crate::signals::{
+        ExperimentPlan, Multisine, add_noise, chirp, e_rms, multisine_lines, noise, phase_shifted_chirps, relative_rms,
+        rms_error, settling_periods, sine, step,
+    };
     #[pymodule_export]
     use crate::simulate::simulate;
     #[pymodule_export]

@@ -13,7 +13,7 @@ pub mod noise;
 pub mod waves;
 
 pub use chirp::{Chirp, PhaseShiftedChirps, Timing};
-pub use design::{Design, Noise, Plan, Request, Shape, design};
+pub use design::{Design, Noise, Plan, Request, Shape, design, settling_periods};
 pub use lines::{Choice, HalfPumping, Kind, Spread};
 pub use multisine::Multisine;
 pub use noise::{Noisy, add_noise, noise};

@@ -24,6 +24,8 @@ use crate::error::{Error, Result};
 const MARGIN: f64 = 0.05;
 /// By default the system is left to settle for this fraction of the time, but for at most so many periods.
 const SETTLE: (f64, usize) = (0.1, 100);
+/// What may be left of a transient when the record begins.
+const REST: f64 = 1e-7;
 /// The number of periods may fall this fraction short of the time there is, to be a whole number of samples.
 const GIVE: f64 = 0.05;
 /// A period of the multisine within this many samples of a whole number has whole samples.
@@ -178,6 +180,13 @@ impl Plan {
     }
 }
 
+impl Design {
+    /// Radii (n_lines) of the discs that hold each `H_k` on a line with probability 0.95, in the unit of `sd`.
+    pub fn band(&self) -> Vec<f64> {
+        self.sd.iter().map(|&sd| radius(sd)).collect()
+    }
+}
+
 /// An experiment by `plan`, with the system's `gain` at its lines where it is known.
 ///
 /// `gain` (n_lines) is the output's rms over the input's for a sine on that line, `sqrt(sum_k |H_k|^2)`; `|H_0|` alone does for
@@ -289,7 +298,7 @@ fn advice(design: &Design, gain: Option<&[f64]>) -> Vec<String> {
 
 /// The sentence about bands.
 fn expected_accuracy(design: &Design, gain: Option<&[f64]>, hz: &[f64]) -> String {
-    let radius = band(1.0);
+    let radius = radius(1.0);
     let range = |values: &[f64]| values.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), &v| (l.min(v), h.max(v)));
     let (least, most) = range(&design.sd);
     let Some(noise) = design.noise_sd else {
@@ -317,8 +326,20 @@ fn expected_accuracy(design: &Design, gain: Option<&[f64]>, hz: &[f64]) -> Strin
     )
 }
 
+/// Periods after which what is left of a start is below 1e-7, from the largest magnitude of the Floquet multipliers.
+///
+/// # Errors
+/// [`Error::OutOfRange`] for a magnitude that is not in [0, 1): such a system does not settle.
+pub fn settling_periods(multiplier: f64) -> Result<usize> {
+    if !(0.0..1.0).contains(&multiplier) {
+        let expected = "below 1: a cycle that is not stable does not settle; stabilise it first".into();
+        return Err(Error::OutOfRange { what: "largest Floquet multiplier".into(), found: multiplier, expected });
+    }
+    Ok((REST.ln() / multiplier.ln()).ceil() as usize)
+}
+
 /// Radius of the disc around an estimate that holds the truth with probability 0.95, from its `sd`.
-pub fn band(sd: f64) -> f64 {
+fn radius(sd: f64) -> f64 {
     20.0_f64.ln().sqrt() * sd
 }
 

@@ -66,7 +66,7 @@ fn errors(design: &Design, seed: Option<u64>) -> Vec<f64> {
     let mut y = record(design);
     if let Some(seed) = seed {
         let sd = design.noise_sd.expect("noise");
-        let added = noise(y.len(), sd, seed);
+        let added = noise(y.len(), sd, seed).expect("noise");
         y.iter_mut().zip(added).for_each(|(y, e)| *y += e);
     }
     let (n, spectrum) = (y.len(), fft::forward(&y));
@@ -139,7 +139,7 @@ fn predicted_deviations_are_those_of_many_experiments() {
         // |noise|^2 over its mean is exponential: mean and standard deviation 1; a disc holds 95 %. Four standard errors.
         let mean = errors.iter().sum::<f64>() / n;
         assert!((mean - 1.0).abs() < 4.0 / n.sqrt(), "{repeats} periods: {mean}");
-        let inside = errors.iter().filter(|e| **e <= band(1.0).powi(2)).count() as f64 / n;
+        let inside = errors.iter().filter(|e| **e <= radius(1.0).powi(2)).count() as f64 / n;
         assert!((inside - 0.95).abs() < 4.0 * (0.05 * 0.95 / n).sqrt(), "{repeats} periods: {inside}");
     }
 }
@@ -203,4 +203,16 @@ fn what_cannot_be_designed_is_said_with_numbers() {
     refused(Some(&[1.0; 3]), Shape::default(), "found 3 values, expected 20");
     refused(Some(&[0.0; 20]), Shape::default(), "gain[0] = 0");
     refused(None, Shape { rms: 0.0, ..Shape::default() }, "rms = 0");
+}
+
+#[test]
+fn a_transient_is_given_the_time_it_takes() {
+    // The hopper: 0.8479^n below 1e-7 first for n = 98.
+    let n = settling_periods(0.8479).expect("stable");
+    assert_eq!(n, 98);
+    assert!(0.8479_f64.powi(97) > 1e-7 && 0.8479_f64.powi(98) <= 1e-7);
+    assert_eq!(settling_periods(0.0), Ok(0));
+    for multiplier in [1.0, 1.2, -0.5, f64::NAN] {
+        assert!(settling_periods(multiplier).is_err(), "{multiplier}");
+    }
 }

@@ -15,9 +15,16 @@ pub struct Noisy {
 }
 
 /// White Gaussian noise (n) with zero mean and standard deviation `sd`; the same seed gives the same bits.
-pub fn noise(n: usize, sd: f64, seed: u64) -> Vec<f64> {
+///
+/// # Errors
+/// [`Error::OutOfRange`] for a standard deviation that is negative or not finite.
+pub fn noise(n: usize, sd: f64, seed: u64) -> Result<Vec<f64>> {
+    if !(sd.is_finite() && sd >= 0.0) {
+        let expected = "a finite number from zero upwards, in the unit of the signal; correct it".into();
+        return Err(Error::OutOfRange { what: "sd".into(), found: sd, expected });
+    }
     let mut random = SplitMix64::new(seed);
-    (0..n).map(|_| sd * random.normal()).collect()
+    Ok((0..n).map(|_| sd * random.normal()).collect())
 }
 
 /// `x` with white Gaussian noise such that `snr = (rms(x) / sd)^2`; gaps (NaN) stay gaps.
@@ -40,7 +47,7 @@ pub fn add_noise(x: &[f64], snr: f64, seed: u64) -> Result<Noisy> {
         return Err(Error::OutOfRange { what: "rms of the signal".into(), found: rms, expected });
     }
     let sd = rms / snr.sqrt();
-    let values = x.iter().zip(noise(x.len(), sd, seed)).map(|(x, e)| x + e).collect();
+    let values = x.iter().zip(noise(x.len(), sd, seed)?).map(|(x, e)| x + e).collect();
     Ok(Noisy { values, sd })
 }
 
@@ -82,5 +89,7 @@ mod tests {
         for (x, snr) in [(&[1.0][..], 0.0), (&[1.0], f64::INFINITY), (&[0.0; 3], 2.0), (&[], 2.0), (&[f64::NAN], 2.0)] {
             assert!(matches!(add_noise(x, snr, 0), Err(Error::OutOfRange { .. })), "{x:?} {snr}");
         }
+        assert!(noise(3, -1.0, 0).is_err() && noise(3, f64::NAN, 0).is_err());
+        assert_eq!(noise(2, 0.0, 0), Ok(vec![0.0; 2]));
     }
 }

@@ -26,6 +26,7 @@ from ltp.cycles import (
     phase_from_events,
     switch_times,
 )
+from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
     Diagnosis,
@@ -39,6 +40,7 @@ from ltp.diagnose import (
     diagnose,
 )
 from ltp.htf import Htf
+from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
 from ltp.recording import Recording
 from ltp.simulate import Event, Stop, Trajectory, simulate
@@ -48,7 +50,9 @@ __all__ = [
     "ConvergenceError",
     "Cycle",
     "CycleAverage",
+    "CycleEvent",
     "Diagnosis",
+    "Domain",
     "Effect",
     "Estimate",
     "Event",
@@ -57,9 +61,13 @@ __all__ = [
     "Htf",
     "HeldOut",
     "InputError",
+    "Jump",
     "Law",
+    "LimitCycle",
     "Location",
+    "LtpSystem",
     "Model",
+    "Other",
     "ParameterChange",
     "PeriodicArx",
     "Phase",
@@ -70,7 +78,9 @@ __all__ = [
     "Stop",
     "Trajectory",
     "cycle_average",
+    "cycle",
     "diagnose",
+    "linearize",
     "metrics",
     "signals",
     "identify_arx",

@@ -3,9 +3,8 @@
 //! [`spectra`] turns recordings into lines on which the clock is a whole number of bins, and refuses what cannot be
 //! identified. Three methods read them: [`floquet`] fits numerators of finite memory over one common denominator, whose
 //! roots are the Floquet multipliers; [`curvature`] is Siddiqi's least squares with a smoothness penalty; [`lines`] divides
-//! line by line where the excitation is periodic. Where no clock runs, [`phase`] reads it from
-//! events, [`orbit`] averages over cycles, [`arx`] and [`section`] are discrete periodic models, scored by [`held_out`] runs.
-//! Nothing here can see a model, so nothing can peek at the truth.
+//! line by line where the excitation is periodic. Nothing here can see a model, so nothing can peek at the truth.
+//!
 //! Machines without a clock have only their events to tell the time: [`phase`] makes a phase of them, [`orbit`] averages
 //! over cycles, [`arx`] estimates a discrete linear time-periodic model and [`held_out`] says what it is worth, and
 //! [`section`] estimates the map from one cycle to the next.

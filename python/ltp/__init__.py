@@ -11,6 +11,22 @@ from typing import TYPE_CHECKING
 
 from ltp import metrics, signals, zoo
 from ltp._ltp import ConvergenceError, InputError
+from ltp.cycles import (
+    Cycle,
+    CycleAverage,
+    HeldOut,
+    PeriodicArx,
+    Phase,
+    Ratio,
+    SectionMap,
+    StepResponse,
+    cycle_average,
+    identify_arx,
+    identify_map,
+    phase_from_events,
+    switch_times,
+)
+from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
     Diagnosis,
@@ -24,6 +40,7 @@ from ltp.diagnose import (
     diagnose,
 )
 from ltp.htf import Htf
+from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
 from ltp.recording import Recording
 from ltp.simulate import Event, Stop, Trajectory, simulate
@@ -31,25 +48,46 @@ from ltp.simulate import Event, Stop, Trajectory, simulate
 __all__ = [
     "Candidate",
     "ConvergenceError",
+    "Cycle",
+    "CycleAverage",
+    "CycleEvent",
     "Diagnosis",
+    "Domain",
     "Effect",
     "Estimate",
     "Event",
     "Fit",
     "FitRow",
     "Htf",
+    "HeldOut",
     "InputError",
+    "Jump",
     "Law",
+    "LimitCycle",
     "Location",
+    "LtpSystem",
     "Model",
+    "Other",
     "ParameterChange",
+    "PeriodicArx",
+    "Phase",
+    "Ratio",
     "Recording",
+    "SectionMap",
+    "StepResponse",
     "Stop",
     "Trajectory",
+    "cycle_average",
+    "cycle",
     "diagnose",
+    "linearize",
     "metrics",
     "signals",
+    "identify_arx",
+    "identify_map",
+    "phase_from_events",
     "simulate",
+    "switch_times",
     "zoo",
 ]
 

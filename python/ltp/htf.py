@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import warnings
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
@@ -123,6 +124,35 @@ class Htf:
             raise InputError(f"Htf: harmonic {k} is asked for, but these go from {-most} to {most}; take one of them")
         chosen: Complex = self.values[k + most, :, output, input]
         return chosen
+
+    def at(self, k: int, omega: npt.ArrayLike, output: int = 0, input: int = 0) -> Complex:
+        """`H_k` at any frequencies `omega` (n,), rad/s, of both signs: between the grid by polynomials, zero beyond it.
+
+        Raises `InputError` for an output or input that is not there.
+        """
+        return self._core.at(int(k), np.atleast_1d(_array("omega", omega, np.float64)), output, input)
+
+    def steady_state(
+        self, omega: float, amplitude: float, t: npt.ArrayLike, *, phase: float = 0.0, input: int = 0
+    ) -> Array:
+        """Outputs (n, ny) at times `t` (n,), s, settled under `amplitude * cos(omega t + phase)` on one input.
+
+        With `omega = 0`, the response to a constant.
+        """
+        times = np.atleast_1d(_array("t", t, np.float64))
+        return self._core.steady_state(float(omega), float(amplitude), float(phase), input, times)
+
+    def predict(self, u: npt.ArrayLike, dt: float, *, t0: float = 0.0) -> Array:
+        """Outputs (n, ny) under the input `u`, (n,) or (n, nu), sampled every `dt` seconds from the clock's time `t0`.
+
+        The input is zero before and after, and band-limited between its samples; transients are included. What it has
+        beyond the grid of frequencies cannot be predicted, and is warned of. Raises `InputError` for an input that is
+        not finite or has another number of columns.
+        """
+        outputs, doubts = self._core.predict(_columns("u", u), float(t0), float(dt))
+        for text in doubts:
+            warnings.warn(f"Htf.predict: {text}", stacklevel=2)
+        return outputs
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write everything to an `.npz` archive, in one step; returns the path.

@@ -10,6 +10,7 @@ mod harmonic;
 pub mod htf;
 mod predict;
 mod propagate;
+mod select;
 pub mod system;
 
 pub use htf::Htf;

@@ -6,7 +6,7 @@ use ltp_core::linearize as core;
 use ltp_core::model::System;
 use ltp_core::numeric::Complex;
 use ltp_core::periodic::{self, system::Entry};
-use numpy::{PyArray1, PyArray2, ToPyArray};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
@@ -83,6 +83,30 @@ impl LtpSystem {
     #[getter]
     fn multipliers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<Complex>> {
         self.core.multipliers().to_pyarray(py)
+    }
+
+    /// The system with only these inputs and outputs, by number.
+    fn select(&self, py: Python<'_>, inputs: Vec<usize>, outputs: Vec<usize>) -> PyResult<Self> {
+        Ok(Self { core: Arc::new(door::short(py, || self.core.select(&inputs, &outputs))?) })
+    }
+
+    /// The matrix `A - N` of the harmonic state space, blocks -truncation to truncation.
+    fn lift<'py>(&self, py: Python<'py>, truncation: usize) -> PyResult<Bound<'py, PyArray2<Complex>>> {
+        let core = Arc::clone(&self.core);
+        let order = (2 * truncation + 1) * core.size().nx;
+        door::long(py, None, move |_| core.lift(truncation))?.into_pyarray(py).reshape([order, order])
+    }
+
+    /// Harmonic transfer functions by the harmonic state space, truncated.
+    fn lifted_htf(
+        &self,
+        py: Python<'_>,
+        omega: &Bound<'_, PyAny>,
+        harmonics: usize,
+        truncation: usize,
+    ) -> PyResult<Htf> {
+        let (omega, core) = (array::vector("omega", omega)?, Arc::clone(&self.core));
+        Ok(door::long(py, None, move |_| core.lifted_htf(&omega, harmonics, truncation))?.into())
     }
 
     /// Exact harmonic transfer functions, harmonics -K to K at the input frequencies `omega` (n_omega,), rad/s.

@@ -83,6 +83,12 @@ def test_readme_prints_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
     assert shape(capsys.readouterr().out) == shape(blocks(page, "text")[0])
 
 
+def test_signals_page_prints_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
+    page = ROOT / "docs" / "signals.md"
+    exec(compile(blocks(page, "python")[0], str(page), "exec"), {})
+    assert capsys.readouterr().out == blocks(page, "text")[0]
+
+
 def test_links_lead_somewhere() -> None:
     for page in PAGES:
         for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8")):

@@ -25,7 +25,7 @@ def floquet(rig: Rig, record: Record, size: int, top_hz: float | None = None, *,
 def chapter(rig: Rig) -> Chapter:
     """Errors of both, beside what nobody can beat."""
     chirped = {size: floquet(rig, rig.chirps, size, TAILS_HZ) for size in (21, 31)}
-    record = rig.multisine()
+    record = rig.flat
     sines = {size: floquet(rig, record, size) for size in ((41,) if rig.quick else (21, 31, 41))}
     best = sines[41]
     rows = [

@@ -189,6 +189,26 @@ class TestDesign:
         assert mean == pytest.approx(1.0, abs=4 / np.sqrt(count))
         assert inside == pytest.approx(0.95, abs=4 * np.sqrt(0.05 * 0.95 / count))
 
+    def test_one_of_several_inputs_and_outputs_is_chosen(self) -> None:
+        class Two(Filter):
+            def htf(self, omega: Array, harmonics: int) -> SimpleNamespace:
+                values = super().htf(omega, harmonics).values
+                rows = np.concatenate([values, 2 * values], axis=2)
+                return SimpleNamespace(values=np.concatenate([rows, 3 * rows], axis=3))
+
+        def gain(system: Any, **chosen: Any) -> Array:
+            found = signals.design(system, TAU * 3, 45.0, dt=0.01, **chosen).gain
+            assert found is not None
+            return found
+
+        np.testing.assert_allclose(gain(Two(), input=1, output=1), 6 * gain(Filter()))
+        with pytest.raises(ltp.InputError, match="2 outputs and none was chosen"):
+            gain(Two(), input=0)
+        with pytest.raises(ltp.InputError, match="1 inputs and number 1 was"):
+            gain(Filter(), input=1)
+        with pytest.raises(ltp.InputError, match="no 'h' among the outputs; without a model they have numbers"):
+            gain(Filter(), output="h")
+
     def test_a_pilot_s_gain_shapes_it(self) -> None:
         flat = signals.design(TAU, TAU * 2, 100.0, dt=0.01)
         shaped = signals.design(TAU, TAU * 2, 100.0, dt=0.01, gain=lambda omega: 1 / omega)

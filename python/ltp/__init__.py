@@ -11,6 +11,21 @@ from typing import TYPE_CHECKING
 
 from ltp import metrics, signals, zoo
 from ltp._ltp import ConvergenceError, InputError
+from ltp.cycles import (
+    Cycle,
+    CycleAverage,
+    HeldOut,
+    PeriodicArx,
+    Phase,
+    Ratio,
+    SectionMap,
+    StepResponse,
+    cycle_average,
+    identify_arx,
+    identify_map,
+    phase_from_events,
+    switch_times,
+)
 from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
@@ -33,6 +48,8 @@ from ltp.simulate import Event, Stop, Trajectory, simulate
 __all__ = [
     "Candidate",
     "ConvergenceError",
+    "Cycle",
+    "CycleAverage",
     "CycleEvent",
     "Diagnosis",
     "Domain",
@@ -42,6 +59,7 @@ __all__ = [
     "Fit",
     "FitRow",
     "Htf",
+    "HeldOut",
     "InputError",
     "Jump",
     "Law",
@@ -51,15 +69,25 @@ __all__ = [
     "Model",
     "Other",
     "ParameterChange",
+    "PeriodicArx",
+    "Phase",
+    "Ratio",
     "Recording",
+    "SectionMap",
+    "StepResponse",
     "Stop",
     "Trajectory",
+    "cycle_average",
     "cycle",
     "diagnose",
     "linearize",
     "metrics",
     "signals",
+    "identify_arx",
+    "identify_map",
+    "phase_from_events",
     "simulate",
+    "switch_times",
     "zoo",
 ]
 

@@ -18,11 +18,17 @@ __all__ = [
     "LtpSystem",
     "Model",
     "Multisine",
+    "HeldOut",
+    "InputError",
+    "Model",
+    "PeriodicArx",
+    "Phase",
     "Recording",
     "Trajectory",
     "add_noise",
     "chirp",
     "conceal",
+    "cycle_average",
     "cycle",
     "diagnose",
     "e_rms",
@@ -38,6 +44,11 @@ __all__ = [
     "simulate",
     "sine",
     "step",
+    "identify_arx",
+    "identify_map",
+    "phase_from_events",
+    "simulate",
+    "switch_events",
     "unit_factor",
     "zoo_names",
     "zoo_text",
@@ -88,6 +99,34 @@ class _Design(TypedDict):
     sd: npt.NDArray[np.float64]
     band: npt.NDArray[np.float64]
     advice: list[str]
+class _CycleAverage(TypedDict):
+    phase: npt.NDArray[np.float64]
+    mean: npt.NDArray[np.float64]
+    spread: npt.NDArray[np.float64]
+    within: npt.NDArray[np.float64]
+    standard_error: npt.NDArray[np.float64]
+    cycles: int
+    groups: int
+
+@type_check_only
+class _StepResponse(TypedDict):
+    t: npt.NDArray[np.float64]
+    values: npt.NDArray[np.float64]
+    sd: npt.NDArray[np.float64]
+
+@type_check_only
+class _SectionMap(TypedDict):
+    claims: bool
+    states: npt.NDArray[np.float64]
+    matrix: npt.NDArray[np.float64]
+    matrix_sd: npt.NDArray[np.float64]
+    multipliers: npt.NDArray[np.complex128]
+    magnitude: list[tuple[float, float]]
+    pairs: int
+    groups: int
+    against_mean: tuple[float, float, float]
+    against_previous: tuple[float, float, float]
+    warnings: list[str]
 
 @final
 class Model:
@@ -270,6 +309,42 @@ class Htf:
     def figures(self) -> dict[str, float]: ...
     @property
     def warnings(self) -> list[str]: ...
+class Phase:
+    @property
+    def cycles(self) -> list[tuple[list[float], int, str | None]]: ...
+    @property
+    def marks(self) -> list[float]: ...
+    @property
+    def period(self) -> float: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    def at(self, t: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+
+@final
+class PeriodicArx:
+    @property
+    def noise_sd(self) -> list[float]: ...
+    @property
+    def size(self) -> tuple[int, int]: ...
+    @property
+    def groups(self) -> int: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    def predict(self, recording: Recording, phase: Phase) -> npt.NDArray[np.float64]: ...
+    def step_response(self, input: str, phase: float, duration: float) -> _StepResponse: ...
+    def held_out(self, recording: Recording, phase: Phase) -> HeldOut: ...
+
+@final
+class HeldOut:
+    @property
+    def group(self) -> list[int]: ...
+    @property
+    def prediction(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def rms(self) -> list[list[float]]: ...
+    @property
+    def rms_by_group(self) -> list[list[list[float]]]: ...
+    def ratio(self, rival: str | HeldOut, *, draws: int = 2000, seed: int = 0) -> list[tuple[float, float, float]]: ...
     def at(self, k: int, omega: npt.NDArray[np.float64], output: int, input: int) -> npt.NDArray[np.complex128]: ...
     def steady_state(
         self, omega: float, amplitude: float, phase: float, input: int, t: npt.NDArray[np.float64]
@@ -374,6 +449,43 @@ def conceal(
     amplitude: float = 4.0,
     seed: int = 0,
 ) -> _Case: ...
+def switch_events(
+    recording: Recording, channel: str, level: float | None = None
+) -> tuple[npt.NDArray[np.float64], list[int]]: ...
+def phase_from_events(
+    recording: Recording,
+    times: npt.NDArray[np.float64],
+    kinds: Sequence[int],
+    *,
+    start: int = 0,
+    joins: Sequence[float] = ...,
+    tolerance: float = 0.25,
+) -> Phase: ...
+def cycle_average(recording: Recording, phase: Phase, channels: Sequence[str], points: int = 100) -> _CycleAverage: ...
+def identify_arx(
+    recording: Recording,
+    phase: Phase,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    *,
+    lags: tuple[int, int] = ...,
+    spacing: int = 1,
+    harmonics: int = 2,
+    offset: int = 8,
+    draws: int = 200,
+    seed: int = 0,
+) -> PeriodicArx: ...
+def identify_map(
+    recording: Recording,
+    phase: Phase,
+    at: float,
+    coordinates: Sequence[tuple[str, bool]],
+    *,
+    window: int = 5,
+    per_run: bool = False,
+    draws: int = 1000,
+    seed: int = 0,
+) -> _SectionMap: ...
 def zoo_names() -> list[str]: ...
 def zoo_text(name: str) -> str: ...
 def effect_names() -> list[str]: ...

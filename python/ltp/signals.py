@@ -220,8 +220,8 @@ def design(
     gain: AtLines | None = None,
     shape: float = 0.5,
     harmonics: int = 10,
-    input: str | None = None,
-    output: str | None = None,
+    input: str | int | None = None,
+    output: str | int | None = None,
     repeats: int = 1,
     settle: int | None = None,
     lines: str = "distinct",
@@ -239,7 +239,8 @@ def design(
         wants a gain.
     gain: instead of the system's, such as a pilot's: output rms over input rms at the lines, or a function of their
         frequencies. shape: amplitudes go as `gain**-shape`: 0 is flat, 1 makes all relative errors equal.
-    harmonics: how many of the system's harmonics the gain counts. input, output: which, where there are several.
+    harmonics: how many of the system's harmonics the gain counts. input, output: which, where there are several: a name
+        of the model, or a number from 0.
     repeats: periods of the multisine in the record; settle: periods of the system before it.
     lines, half_pumping, count, spread, seed: as in `multisine`.
 
@@ -247,13 +248,14 @@ def design(
     """
     if noise_sd is not None and snr is not None:
         raise InputError("design: found noise_sd and snr, which say the same thing; give one of them")
-    known = None if isinstance(system, (int, float, np.number)) else _linear(system, input, output)
+    known = None if isinstance(system, (int, float, np.number)) else _linear(system)
     period = 2 * np.pi / float(system) if known is None else float(known.period)
     if settle is None and known is not None:
         settle = _ltp.settling_periods(float(np.max(np.abs(known.multipliers), initial=0.0)))
     plan = _ltp.ExperimentPlan(period, _band(band), duration, dt, repeats, settle, lines, half_pumping, count, spread)
     if gain is None and known is not None:
-        gain = _gain(known, harmonics)
+        chosen = _chosen(system, "inputs", input), _chosen(system, "outputs", output)
+        gain = _gain(known, harmonics, *chosen)
     gains = None if gain is None else _at_lines("gain", gain, plan.omega)
     found = plan.design(gains, rms, shape, noise_sd, snr, _CREST_TURNS, seed)
     settling, record = plan.times
@@ -273,27 +275,40 @@ def design(
     )
 
 
-def _linear(system: Any, input: str | None, output: str | None) -> Any:
+def _linear(system: Any) -> Any:
     """The linear periodic system: of a model around its cycle, or as given."""
-    if not isinstance(system, Model):
-        if all(hasattr(system, name) for name in ("period", "multipliers", "htf")):
-            return system
-        found = type(system).__name__
-        raise InputError(f"design: found a {found}, expected a model, a linearization or a pumping frequency in rad/s")
-    ltp: Any = import_module("ltp")
-    chosen = {"inputs": None if input is None else [input], "outputs": None if output is None else [output]}
-    return ltp.linearize(system, ltp.cycle(system), **chosen)
+    if isinstance(system, Model):
+        ltp: Any = import_module("ltp")
+        return ltp.linearize(system, ltp.cycle(system))
+    if all(hasattr(system, name) for name in ("period", "multipliers", "htf")):
+        return system
+    found = type(system).__name__
+    raise InputError(f"design: found a {found}, expected a model, a linearization or a pumping frequency in rad/s")
 
 
-def _gain(linear: Any, harmonics: int) -> Callable[[Array], Array]:
+def _chosen(system: Any, kind: str, wanted: str | int | None) -> int | None:
+    """The number of an input or output."""
+    if not isinstance(wanted, str):
+        return wanted
+    names = list(getattr(system, kind)) if isinstance(system, Model) else []
+    if wanted not in names:
+        known = f"they are {', '.join(names)}" if names else "without a model they have numbers, from 0"
+        raise InputError(f"design: there is no {wanted!r} among the {kind}; {known}")
+    return names.index(wanted)
+
+
+def _gain(linear: Any, harmonics: int, input: int | None, output: int | None) -> Callable[[Array], Array]:
     """The output's rms over that of a sine at the input, all harmonics together."""
 
     def gain(omega: Array) -> Array:
         values = np.asarray(linear.htf(omega, harmonics).values)
-        if values.shape[2:] != (1, 1):
-            ny, nu = values.shape[2:]
-            raise InputError(f"design: {nu} inputs and {ny} outputs; choose one of each by `input` and `output`")
-        return np.asarray(np.sqrt((np.abs(values[:, :, 0, 0]) ** 2).sum(axis=0)), dtype=np.float64)
+        ny, nu = values.shape[2:]
+        for kind, there, wanted in (("input", nu, input), ("output", ny, output)):
+            if (wanted is None and there != 1) or not 0 <= (wanted or 0) < there:
+                found = "none was chosen" if wanted is None else f"number {wanted} was"
+                raise InputError(f"design: the system has {there} {kind}s and {found}; choose by `{kind}`")
+        squares = np.abs(values[:, :, output or 0, input or 0]) ** 2
+        return np.asarray(np.sqrt(squares.sum(axis=0)), dtype=np.float64)
 
     return gain
 

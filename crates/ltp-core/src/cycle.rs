@@ -204,37 +204,40 @@ fn sizes(flow: &Flow<'_>, guess: &Orbit) -> Vec<f64> {
     sizes.into_iter().map(|s| s.max(least)).collect()
 }
 
-/// Multiple shooting from arcs of the guess, whose gap is spread over all of them.
+/// Multiple shooting: first from arcs of the guess's own motion, whose gap is spread over all of them; where that motion runs
+/// away, from arcs that all stand still at the guess.
 fn multiple(flow: &Flow<'_>, guess: &Orbit, scale: &[f64]) -> std::result::Result<Found, Lost> {
     let mut last = Lost { iterations: 0, residual: f64::INFINITY, why: "no arcs".into() };
     for arcs in ARCS {
-        let span = guess.period / arcs as f64;
-        let (mut starts, mut modes) = (vec![guess.starts[0].clone()], vec![guess.modes[0]]);
-        let mut end = None;
-        for j in 0..arcs {
-            let t = guess.t0 + j as f64 * span;
-            match flow.go(t, span, 1.0 / arcs as f64, &starts[j], modes[j], false) {
-                Ok(arrival) if j + 1 < arcs => {
-                    starts.push(arrival.x);
-                    modes.push(arrival.mode);
-                }
-                Ok(arrival) => end = Some(arrival),
-                Err(_) => break,
+        let still =
+            Orbit { starts: vec![guess.starts[0].clone(); arcs], modes: vec![guess.modes[0]; arcs], ..guess.clone() };
+        for start in moving(flow, guess, arcs).into_iter().chain([still]) {
+            match shoot::newton(flow, start, scale, ITERATIONS, TOLERANCE) {
+                Ok(found) => return Ok(found),
+                Err(lost) => last = lost,
             }
-        }
-        let Some(end) = end else { continue };
-        let gap: Vec<f64> = end.x.iter().zip(&guess.starts[0]).map(|(a, b)| b - a).collect();
-        for (j, start) in starts.iter_mut().enumerate() {
-            for (x, g) in start.iter_mut().zip(&gap) {
-                *x += g * j as f64 / arcs as f64;
-            }
-        }
-        match shoot::newton(flow, Orbit { starts, modes, ..guess.clone() }, scale, ITERATIONS, TOLERANCE) {
-            Ok(found) => return Ok(found),
-            Err(lost) => last = lost,
         }
     }
     Err(last)
+}
+
+/// Arcs along the motion from the guess; `None` where it ends within the period.
+fn moving(flow: &Flow<'_>, guess: &Orbit, arcs: usize) -> Option<Orbit> {
+    let span = guess.period / arcs as f64;
+    let (mut starts, mut modes) = (vec![guess.starts[0].clone()], vec![guess.modes[0]]);
+    for j in 0..arcs {
+        let t = guess.t0 + j as f64 * span;
+        let end = flow.go(t, span, 1.0 / arcs as f64, &starts[j], modes[j], false).ok()?;
+        starts.push(end.x);
+        modes.push(end.mode);
+    }
+    let end = starts.pop()?;
+    modes.pop();
+    let gap: Vec<f64> = end.iter().zip(&guess.starts[0]).map(|(a, b)| b - a).collect();
+    for (j, start) in starts.iter_mut().enumerate() {
+        start.iter_mut().zip(&gap).for_each(|(x, g)| *x += g * j as f64 / arcs as f64);
+    }
+    Some(Orbit { starts, modes, ..guess.clone() })
 }
 
 fn not_found(lost: &Lost, settled: usize) -> Error {

@@ -6,6 +6,9 @@
 //! line by line where the excitation is periodic. Where no clock runs, [`phase`] reads it from
 //! events, [`orbit`] averages over cycles, [`arx`] and [`section`] are discrete periodic models, scored by [`held_out`] runs.
 //! Nothing here can see a model, so nothing can peek at the truth.
+//! Machines without a clock have only their events to tell the time: [`phase`] makes a phase of them, [`orbit`] averages
+//! over cycles, [`arx`] estimates a discrete linear time-periodic model and [`held_out`] says what it is worth, and
+//! [`section`] estimates the map from one cycle to the next.
 
 pub mod arx;
 pub mod curvature;
@@ -73,3 +76,6 @@ pub fn identify(recordings: &[Recording], options: &Options) -> Result<Htf> {
         Method::Lines(own) => lines::identify(&spectra, options, own),
     }
 }
+
+#[cfg(test)]
+mod planted;

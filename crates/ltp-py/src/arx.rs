@@ -18,7 +18,7 @@ pub struct PeriodicArx {
 /// Estimates a periodic ARX model; `lags` are those of outputs and inputs, in spacings of `spacing` samples.
 #[pyfunction]
 #[pyo3(signature = (
-    recording, phase, inputs, outputs, *, lags=(3, 3), spacing=1, harmonics=2, offset=4, draws=200, seed=0
+    recording, phase, inputs, outputs, *, lags=(3, 3), spacing=1, harmonics=2, offset=8, draws=200, seed=0
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are the keyword arguments of Python")]
 pub fn identify_arx(

@@ -128,7 +128,8 @@ fn near(x: &[f64], other: &[f64], range: &[f64]) -> bool {
     x.iter().zip(other).zip(range).all(|((a, b), r)| (a - b).abs() <= ARRIVED * r.max(1e-6 * largest))
 }
 
-/// A guess for an orbit of unknown period: settle, then the first return through the section across the flow.
+/// A guess for an orbit of unknown period: settle, then the first return through the section across the flow. Where the
+/// caller guesses the period and wants no settling, start and period are taken as they are.
 pub(super) fn first_return(
     flow: &Flow<'_>,
     start: &[f64],
@@ -136,6 +137,9 @@ pub(super) fn first_return(
     guess: Option<f64>,
     settle: Option<usize>,
 ) -> Result<(Orbit, usize)> {
+    if let (Some(period), Some(0)) = (guess, settle) {
+        return Ok((Orbit { t0: 0.0, period, free: true, starts: vec![start.to_vec()], modes: vec![mode] }, 0));
+    }
     let rates = flow.rates(0.0, start, mode);
     let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
     if norm(&rates) == 0.0 {

@@ -26,6 +26,9 @@ use crate::numeric::rows::RowQr;
 use crate::numeric::stats;
 use crate::signal::Recording;
 
+/// Share of a regressor that is not in the others, below which the data cannot tell them apart.
+const DEPENDENT: f64 = 1e-9;
+
 /// What the model is made of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
@@ -41,7 +44,8 @@ pub struct Options {
     pub spacing: usize,
     /// Harmonics of the coefficients; 0 for time-invariant ones.
     pub harmonics: usize,
-    /// Harmonics of the offset that carries the orbit.
+    /// Harmonics of the offset that carries the orbit. Too few, and the coefficients vary to make up for them: raise it until
+    /// the score of the time-invariant model stands still before believing that they vary.
     pub offset: usize,
     /// Bootstrap draws for the uncertainty; 0 for none.
     pub draws: usize,
@@ -50,10 +54,10 @@ pub struct Options {
 }
 
 impl Options {
-    /// Sensible orders for `inputs` and `outputs`: three lags of one sample, two harmonics, 200 draws.
+    /// Sensible orders for `inputs` and `outputs`: three lags of one sample, two harmonics, eight in the offset, 200 draws.
     pub fn new(inputs: &[String], outputs: &[String]) -> Self {
         let (inputs, outputs) = (inputs.to_vec(), outputs.to_vec());
-        let (output_lags, input_lags, spacing, harmonics, offset, draws, seed) = (3, 3, 1, 2, 4, 200, 0);
+        let (output_lags, input_lags, spacing, harmonics, offset, draws, seed) = (3, 3, 1, 2, 8, 200, 0);
         Self { inputs, outputs, output_lags, input_lags, spacing, harmonics, offset, draws, seed }
     }
 
@@ -215,6 +219,9 @@ impl<'a> Parts<'a> {
         for output in 0..self.options.outputs.len() {
             let mut all = RowQr::new(self.options.unknowns());
             chosen.iter().for_each(|g| all.merge(&self.triangles[*g][output]));
+            if all.independence().is_nan() || all.independence() < DEPENDENT {
+                return None;
+            }
             theta.extend(all.minimiser()?.iter());
             squares.push(all.residual_sum_squares());
         }

@@ -27,6 +27,9 @@ use crate::numeric::rows::RowQr;
 use crate::numeric::{Complex, stats};
 use crate::signal::Recording;
 
+/// Share of a coordinate that is not in the others, below which it counts as following from them.
+const DEPENDENT: f64 = 1e-9;
+
 /// One coordinate of the section: a channel, or its rate of change.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coordinate {
@@ -244,6 +247,10 @@ fn solve<'a>(
                 row.push(&x, to[j] - states[p.to * d + j]);
             }
         }
+    }
+    // Beyond the fit of the parabolas' digits, a coordinate that follows from the others carries nothing but rounding.
+    if rows[0].independence().is_nan() || rows[0].independence() < DEPENDENT {
+        return None;
     }
     let mut map = DMatrix::zeros(d, d);
     for (i, row) in rows.iter_mut().enumerate() {

@@ -39,6 +39,8 @@ pub struct Spectra {
     input_names: Vec<String>,
     output_names: Vec<String>,
     band: f64,
+    /// Per input: up to where it has power, rad/s.
+    excited: Vec<f64>,
     warnings: Vec<String>,
 }
 
@@ -50,6 +52,7 @@ pub struct Record {
     dt: f64,
     periods: usize,
     spacing: f64,
+    start: f64,
     inputs: Vec<Vec<Complex>>,
     outputs: Vec<Vec<Complex>>,
 }
@@ -74,6 +77,10 @@ impl Record {
     /// Distance between lines, rad/s: the pumping frequency divided by the number of periods.
     pub fn spacing(&self) -> f64 {
         self.spacing
+    }
+    /// Time of the clock at the first sample, s, within a period.
+    pub fn start(&self) -> f64 {
+        self.start
     }
     /// Number of lines from zero upwards; the last is at or below the Nyquist frequency.
     pub fn lines(&self) -> usize {
@@ -125,8 +132,11 @@ impl Spectra {
             input_names: first.input_names().to_vec(),
             output_names: first.output_names().to_vec(),
             band: 0.0,
+            excited: Vec::new(),
             warnings,
         };
+        spectra.excited =
+            (0..spectra.inputs()).map(|i| edge(&spectra.input_power(i)) as f64 * spectra.window()).collect();
         spectra.band = spectra.find_band(options)?;
         spectra.check_nyquist(options)?;
         Ok(spectra)
@@ -163,6 +173,10 @@ impl Spectra {
     /// Largest input frequency of the estimate, rad/s: as asked for, or as far as every input has power.
     pub fn band(&self) -> f64 {
         self.band
+    }
+    /// Frequency up to which input `i` has power, rad/s.
+    pub fn excited(&self, i: usize) -> f64 {
+        self.excited[i]
     }
     /// What was doubtful about the recordings.
     pub fn warnings(&self) -> &[String] {
@@ -210,9 +224,8 @@ impl Spectra {
             return Err(Error::OutOfRange { what: "band".into(), found: band, expected });
         }
         let powers: Vec<Vec<f64>> = (0..self.inputs()).map(|i| self.input_power(i)).collect();
-        let edges: Vec<f64> = powers.iter().map(|p| edge(p) as f64 * width).collect();
-        let band = options.band.unwrap_or_else(|| edges.iter().copied().fold(f64::INFINITY, f64::min));
-        for ((power, &edge), name) in powers.iter().zip(&edges).zip(&self.input_names) {
+        let band = options.band.unwrap_or_else(|| self.excited.iter().copied().fold(f64::INFINITY, f64::min));
+        for ((power, &edge), name) in powers.iter().zip(&self.excited).zip(&self.input_names) {
             let inside = &power[..((band / width).ceil() as usize).clamp(1, power.len())];
             let excited = &power[..((edge / width).ceil() as usize).clamp(1, power.len())];
             // White noise on a measured input is no excitation: the lines above the band show its level.
@@ -358,7 +371,7 @@ fn transform(recording: &Recording, period: f64, warnings: &mut Vec<String>) -> 
     };
     let inputs = (0..recording.input_names().len()).map(|i| lines(recording.input(i).collect())).collect();
     let outputs = (0..recording.output_names().len()).map(|j| lines(recording.output(j).collect())).collect();
-    Ok(Record { name: name.to_owned(), samples, dt, periods, spacing, inputs, outputs })
+    Ok(Record { name: name.to_owned(), samples, dt, periods, spacing, start, inputs, outputs })
 }
 
 /// Number of windows up to the edge of the band: from there on, every window has far less power than those just below.

@@ -1,0 +1,296 @@
+//! The Floquet fit for a given order: from nothing to converged coefficients, noise levels and scales.
+//!
+//! Nothing is tuned by hand. The scale of every harmonic's kernel and the level of the noise along frequency are those under
+//! which the data are most probable (empirical Bayes, by the fixed point of D. J. C. MacKay, *Bayesian interpolation*, Neural
+//! Computation 4 (1992) 415-447), so without noise the prior steps back, and with noise it holds what the data leave open.
+//!
+//! References: K. Steiglitz and L. E. McBride, IEEE Transactions on Automatic Control 10 (1965) 461-464, for the first
+//! denominator; G. H. Golub and V. Pereyra, SIAM Journal on Numerical Analysis 10 (1973) 413-432, for projecting the
+//! numerators out.
+
+use nalgebra::DMatrix;
+
+use super::layout::{Channel, Layout};
+use super::posterior::{self, Data, Posterior, Step, denominator};
+use super::rows::{self, Cell};
+use super::{Options, noise};
+use crate::error::Result;
+use crate::identify::Spectra;
+use crate::numeric::Complex;
+
+/// Steps of Steiglitz and McBride before the output error is linearised.
+const FIRST_STEPS: usize = 3;
+/// First noise level, relative to the power of the output.
+const FIRST_NOISE: f64 = 1e-2;
+/// First scale of the coefficients, relative to the quotient of output and input power.
+const FIRST_SCALE: f64 = 1e3;
+/// Least noise level, relative to the power of the output: a part per million of its amplitude is rounding and integration.
+const LEAST_NOISE: f64 = 1e-13;
+/// Least scale, relative to the first.
+const LEAST_SCALE: f64 = 1e-20;
+/// Converged when the denominator moves by less than this many of its standard deviations, squared ...
+const STILL: f64 = 1e-3;
+/// ... and the number of determined coefficients by less than this share.
+const SETTLED: f64 = 1e-2;
+
+/// A fit of one order.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    pub layout: Layout,
+    pub cells: Vec<Cell>,
+    /// Coefficients of the denominator.
+    pub a: Vec<f64>,
+    /// Their precision matrix.
+    pub precision: DMatrix<f64>,
+    /// Per output.
+    pub outputs: Vec<Output>,
+    pub iterations: usize,
+}
+
+/// What one output says.
+#[derive(Clone, Debug)]
+pub(super) struct Output {
+    pub posterior: Posterior,
+    pub coefficients: Vec<Vec<Complex>>,
+    /// Power of the residuals, per cell and row.
+    pub residuals: Vec<Vec<f64>>,
+    /// Power of what was measured, per cell and row.
+    pub power: Vec<Vec<f64>>,
+    /// Number of coefficients that the data determine.
+    pub determined: f64,
+    /// Noise and scales under which this was found.
+    pub setting: Setting,
+    predicted: Vec<Vec<Complex>>,
+    /// Per group: size of the coefficients in the prior's measure at unit scale, and how many the data determine.
+    sizes: Vec<(f64, f64)>,
+}
+
+/// What a fit is made under.
+#[derive(Clone, Debug)]
+pub(super) struct Setting {
+    /// Variance of a line, per cell and row.
+    pub levels: Vec<Vec<f64>>,
+    /// Prior variance of the coefficients, per group.
+    pub scales: Vec<f64>,
+    least_level: f64,
+    least_scales: Vec<f64>,
+}
+
+/// Fits `order` multipliers; numerators reach to `reach` (rad/s), rows to `highest` (rad/s).
+///
+/// # Errors
+/// `NoConvergence` when the normal equations cannot be solved.
+pub(super) fn fit(spectra: &Spectra, order: usize, reach: f64, highest: f64, options: &Options) -> Result<Fit> {
+    let memory = order.max(1) as f64 * spectra.period();
+    let knots = options.knots * order.max(1);
+    let width = spectra.pumping() / knots as f64;
+    let intervals = |omega: f64| ((omega / width * (1.0 - 1e-9)).ceil() as usize).max(1);
+    let transients = if options.transients { spectra.records().len() } else { 0 };
+    let channels = (spectra.inputs(), transients);
+    let layout = Layout::new(spectra.pumping(), knots, memory, intervals(reach), intervals(highest), channels);
+    let cells = rows::cells(spectra, &layout);
+    let measured: Vec<Vec<Vec<Complex>>> = (0..spectra.outputs()).map(|j| measured(spectra, &cells, j)).collect();
+    let periods: Vec<usize> = spectra.records().iter().map(|r| r.periods()).collect();
+
+    let mut fit =
+        Fit { layout, cells, a: vec![0.0; order], precision: DMatrix::zeros(0, 0), outputs: Vec::new(), iterations: 0 };
+    loop {
+        let first_steps = fit.iterations < FIRST_STEPS;
+        let settings: Vec<Setting> = if fit.outputs.is_empty() {
+            measured.iter().map(|y| Setting::first(spectra, &fit.layout, &fit.cells, y)).collect()
+        } else {
+            fit.outputs.iter().map(|output| output.adapted(&fit.cells, &periods, !first_steps)).collect()
+        };
+        let mut posteriors = Vec::with_capacity(settings.len());
+        for (j, setting) in settings.iter().enumerate() {
+            let explained = if first_steps { &measured[j] } else { &fit.outputs[j].predicted };
+            let step = if first_steps { Step::SteiglitzMcBride } else { Step::GaussNewton };
+            let columns = columns(&fit.cells, &measured[j], explained, &fit.a, step);
+            let weights: Vec<Vec<f64>> =
+                setting.levels.iter().map(|levels| levels.iter().map(|l| 1.0 / l).collect()).collect();
+            posteriors.push(posterior::posterior(&Data {
+                layout: &fit.layout,
+                cells: &fit.cells,
+                weights: &weights,
+                columns: &columns,
+                scales: &setting.scales,
+                denominator: &fit.a,
+            })?);
+        }
+        let reduced = posteriors.iter().skip(1).fold(posteriors[0].reduced.clone(), |sum, p| sum + &p.reduced);
+        let (wanted, precision) = posterior::denominator_change(&reduced);
+        let start = if first_steps { vec![0.0; order] } else { fit.a.clone() };
+        fit.a = inside(&start, &wanted);
+        let change: Vec<f64> = fit.a.iter().zip(&start).map(|(new, old)| new - old).collect();
+        let moved = (0..order * order)
+            .map(|i| change[i / order] * precision[(i / order, i % order)] * change[i % order])
+            .sum::<f64>();
+        let before: f64 = fit.outputs.iter().map(|o| o.determined).sum();
+        fit.precision = precision;
+        fit.outputs = posteriors
+            .into_iter()
+            .zip(settings)
+            .zip(&measured)
+            .map(|((posterior, setting), y)| Output::new(&fit, y, posterior, setting, &change))
+            .collect();
+        fit.iterations += 1;
+        let now: f64 = fit.outputs.iter().map(|o| o.determined).sum();
+        let still = !first_steps && moved < STILL && (now - before).abs() <= SETTLED * now;
+        if (still && fit.iterations > FIRST_STEPS + 1) || fit.iterations >= options.iterations.max(FIRST_STEPS + 1) {
+            return Ok(fit);
+        }
+    }
+}
+
+impl Fit {
+    /// Logarithm of the probability of the data, up to a constant of theirs: compares orders.
+    ///
+    /// # Errors
+    /// `NoConvergence`.
+    pub fn evidence(&self) -> Result<f64> {
+        let half_log =
+            |m: &DMatrix<f64>| m.clone().cholesky().map_or(0.0, |f| f.l().diagonal().iter().map(|d| d.ln()).sum());
+        let mut evidence = if self.a.is_empty() { 0.0 } else { -half_log(&self.precision) };
+        for output in &self.outputs {
+            let setting = &output.setting;
+            for (c, cell) in self.cells.iter().enumerate() {
+                for (r, row) in cell.rows.iter().enumerate() {
+                    let level = setting.levels[c][r];
+                    evidence -= row.share * (level.ln() + output.residuals[c][r] / level);
+                }
+            }
+            let sizes: f64 = output.sizes.iter().zip(&setting.scales).map(|((size, _), scale)| size / scale).sum();
+            let prior = posterior::prior(&self.layout, &setting.scales).factor(&self.layout.mirror())?;
+            evidence += 0.5 * (prior.log_determinant() - output.posterior.log_determinant - sizes);
+        }
+        Ok(evidence)
+    }
+}
+
+impl Output {
+    fn new(fit: &Fit, measured: &[Vec<Complex>], posterior: Posterior, setting: Setting, change: &[f64]) -> Self {
+        let coefficients = posterior.coefficients(change);
+        let predicted = posterior::predict(&fit.cells, &fit.a, &coefficients);
+        let rest = |(y, p): (&Vec<Complex>, &Vec<Complex>)| y.iter().zip(p).map(|(y, p)| (y - p).norm_sqr()).collect();
+        let residuals = measured.iter().zip(&predicted).map(rest).collect();
+        let power = measured.iter().map(|y| y.iter().map(Complex::norm_sqr).collect()).collect();
+        let sizes = posterior.sizes(&fit.layout, &coefficients, &setting.scales);
+        let determined = sizes.iter().map(|(_, determined)| determined).sum();
+        Output { posterior, coefficients, residuals, power, determined, setting, predicted, sizes }
+    }
+
+    /// Scales, and with `noise` levels, under which what was found is most probable.
+    fn adapted(&self, cells: &[Cell], periods: &[usize], noise: bool) -> Setting {
+        let mut setting = self.setting.clone();
+        let news = self.sizes.iter().map(|(size, determined)| size / determined.max(0.5));
+        setting.scales = news.zip(&setting.least_scales).map(|(new, &least)| new.max(least)).collect();
+        if noise {
+            let leverage = &self.posterior.leverage;
+            setting.levels = noise::levels(cells, &self.residuals, leverage, periods, setting.least_level);
+        }
+        setting
+    }
+}
+
+impl Setting {
+    /// Before anything is known: much noise, wide scales.
+    fn first(spectra: &Spectra, layout: &Layout, cells: &[Cell], measured: &[Vec<Complex>]) -> Self {
+        let rows: usize = cells.iter().map(|c| c.rows.len()).sum();
+        let power = measured.iter().flatten().map(Complex::norm_sqr).sum::<f64>() / rows.max(1) as f64;
+        let lines = (layout.reach as f64 * layout.width() / spectra.window()).ceil() as usize;
+        let gain = |i: usize| {
+            let windows = spectra.input_power(i);
+            let inside = &windows[..lines.clamp(1, windows.len())];
+            power * inside.len() as f64 / inside.iter().sum::<f64>().max(f64::MIN_POSITIVE)
+        };
+        let gains: Vec<f64> = (0..layout.inputs).map(gain).collect();
+        let mut scales = vec![FIRST_SCALE * power; layout.groups()];
+        for channel in layout.channels() {
+            if let Channel::Harmonic { input, .. } = channel {
+                scales[layout.group(channel)] = FIRST_SCALE * gains[input];
+            }
+        }
+        Setting {
+            levels: cells.iter().map(|c| vec![FIRST_NOISE * power; c.rows.len()]).collect(),
+            least_level: LEAST_NOISE * power,
+            least_scales: scales.iter().map(|s| LEAST_SCALE * s).collect(),
+            scales,
+        }
+    }
+}
+
+/// Lines of output `j`, per cell and row.
+fn measured(spectra: &Spectra, cells: &[Cell], j: usize) -> Vec<Vec<Complex>> {
+    let of_cell =
+        |cell: &Cell| cell.rows.iter().map(|row| spectra.records()[row.record].output(j, row.line as i64)).collect();
+    cells.iter().map(of_cell).collect()
+}
+
+/// The output, and what moves with each coefficient of the denominator, per cell, (rows, 1 + order).
+fn columns(
+    cells: &[Cell],
+    measured: &[Vec<Complex>],
+    explained: &[Vec<Complex>],
+    a: &[f64],
+    step: Step,
+) -> Vec<Vec<Complex>> {
+    let of_row = |turn: Complex, y: Complex, x: Complex| {
+        let inverse = 1.0 / denominator(a, turn);
+        let mut column = vec![if step == Step::SteiglitzMcBride { y * inverse } else { y }];
+        let mut power = inverse;
+        for _ in a {
+            power *= turn;
+            column.push(power * x);
+        }
+        column
+    };
+    let of_cell = |(c, cell): (usize, &Cell)| {
+        let rows = cell.rows.iter().enumerate();
+        rows.flat_map(|(r, row)| of_row(row.turn, measured[c][r], explained[c][r])).collect()
+    };
+    cells.iter().enumerate().map(of_cell).collect()
+}
+
+/// `start + change`, drawn back until all multipliers are inside the unit circle.
+fn inside(start: &[f64], change: &[f64]) -> Vec<f64> {
+    let mut share = 1.0;
+    for _ in 0..20 {
+        let moved: Vec<f64> = start.iter().zip(change).map(|(a, d)| a + share * d).collect();
+        if stable(&moved) {
+            return moved;
+        }
+        share *= 0.7;
+    }
+    start.to_vec()
+}
+
+/// Whether all roots of `z^p - a_1 z^{p-1} - ... - a_p` are inside the unit circle (recursion of Schur and Cohn).
+fn stable(a: &[f64]) -> bool {
+    let mut c: Vec<f64> = a.iter().map(|a| -a).collect();
+    while let Some(&last) = c.last() {
+        if last.is_nan() || last.abs() >= 1.0 {
+            return false;
+        }
+        let n = c.len() - 1;
+        c = (0..n).map(|i| (c[i] - last * c[n - 1 - i]) / (1.0 - last * last)).collect();
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stability_is_that_of_the_roots() {
+        let mut random = crate::numeric::rng::SplitMix64::new(8);
+        for _ in 0..200 {
+            let a: Vec<f64> = (0..4).map(|_| random.normal()).collect();
+            let companion = DMatrix::from_fn(4, 4, |r, c| if r == 0 { a[c] } else { f64::from(u8::from(r == c + 1)) });
+            let largest = companion.complex_eigenvalues().iter().map(|l| l.norm()).fold(0.0, f64::max);
+            assert_eq!(stable(&a), largest < 1.0, "{a:?} {largest}");
+            let pulled = inside(&[0.0; 4], &a);
+            assert!(stable(&pulled));
+        }
+    }
+}

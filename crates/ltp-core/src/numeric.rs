@@ -9,8 +9,8 @@
 pub mod chirp_z;
 pub mod eigen;
 pub mod fft;
-pub mod gauss;
 pub mod folded;
+pub mod gauss;
 pub mod lsq;
 pub mod quartic;
 pub mod regression;

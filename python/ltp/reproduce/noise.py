@@ -13,7 +13,7 @@ import ltp
 from ltp import signals
 from ltp.plots.htf import RADIUS_95
 from ltp.plots.sweep import Line, Panel, sweep
-from ltp.reproduce.better import TAILS_HZ, floquet
+from ltp.reproduce.better import floquet
 from ltp.reproduce.published import siddiqi
 from ltp.reproduce.result import Chapter, Picture, Row
 from ltp.reproduce.rig import Array, Record, Rig
@@ -87,7 +87,7 @@ def chapter(rig: Rig) -> Chapter:
 
 def by_pilot(rig: Rig) -> Callable[[Array], Array]:
     """Amplitudes that make all relative errors alike, from what the noisy chirps say of the response."""
-    pilot = floquet(rig, spoil(rig.chirps, 0), 21, TAILS_HZ)
+    pilot = floquet(rig, spoil(rig.chirps, 0), 21)
 
     def weights(omega: Array) -> Array:
         gain = np.sqrt(sum(np.abs(pilot.at(int(k), omega)) ** 2 for k in pilot.harmonics))
@@ -129,7 +129,7 @@ def _draw(rig: Rig, shaped: Record) -> Figure:
     panels = []
     for title, record, estimate in (
         ("chirps, Siddiqi", rig.chirps, lambda r: siddiqi(rig, r, smoothness=SIDDIQI, keep=False)),
-        ("chirps, Floquet", rig.chirps, lambda r: floquet(rig, r, 21, TAILS_HZ, keep=False)),
+        ("chirps, Floquet", rig.chirps, lambda r: floquet(rig, r, 21, keep=False)),
         ("shaped multisine, Floquet", shaped, lambda r: floquet(rig, r, 21, keep=False)),
     ):
         lines = [

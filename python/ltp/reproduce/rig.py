@@ -35,7 +35,7 @@ MOST_HARMONICS = 160  # of the exact functions: further ones are below the accur
 DECIMATION = 5  # errors are taken every 5 ms: 66 samples in a period
 
 #: Frequencies (Hz) of test sines that tables quote: the resonances are 2.364 and 3.7, the pumping frequency 1/T.
-QUOTED = (0.1, 0.5, 1.0, 2.0, 2.4, 3.0, 1 / 0.33, 3.1, 3.7, 5.0, 8.0, 10.0, 15.0, 20.0)
+QUOTED = (0.1, 0.5, 1.0, 2.0, 2.364, 2.4, 3.0, 1 / 0.33, 3.1, 3.7, 5.0, 8.0, 10.0, 15.0, 20.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +205,9 @@ class Rig:
     @cached_property
     def exact(self) -> ltp.Htf:
         """The exact functions up to harmonic 160, on a grid that resolves the resonances and holds every test sine."""
-        hz = np.unique(np.round([*np.arange(0.0, 21.0, 0.02), *QUOTED, *self.frequencies], 9))
+        hz = np.unique(
+            np.round([*np.arange(0.0, 6.0, 0.01), *np.arange(6.0, 21.0, 0.02), *QUOTED, *self.frequencies], 9)
+        )
         return self.system.htf(math.tau * hz, MOST_HARMONICS)
 
     def exact_with(self, harmonics: int) -> ltp.Htf:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ltp import metrics, signals, zoo
 from ltp._ltp import ConvergenceError, InputError
+from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.cycles import (
     Cycle,
     CycleAverage,
@@ -26,7 +27,6 @@ from ltp.cycles import (
     phase_from_events,
     switch_times,
 )
-from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
     Diagnosis,
@@ -40,6 +40,7 @@ from ltp.diagnose import (
     diagnose,
 )
 from ltp.htf import Htf
+from ltp.identify import identify
 from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
 from ltp.recording import Recording
@@ -58,8 +59,8 @@ __all__ = [
     "Event",
     "Fit",
     "FitRow",
-    "Htf",
     "HeldOut",
+    "Htf",
     "InputError",
     "Jump",
     "Law",
@@ -77,15 +78,16 @@ __all__ = [
     "StepResponse",
     "Stop",
     "Trajectory",
-    "cycle_average",
     "cycle",
+    "cycle_average",
     "diagnose",
-    "linearize",
-    "metrics",
-    "signals",
+    "identify",
     "identify_arx",
     "identify_map",
+    "linearize",
+    "metrics",
     "phase_from_events",
+    "signals",
     "simulate",
     "switch_times",
     "zoo",

@@ -12,15 +12,13 @@ __all__ = [
     "ConvergenceError",
     "Diagnosis",
     "ExperimentPlan",
+    "HeldOut",
     "Htf",
     "InputError",
     "LimitCycle",
     "LtpSystem",
     "Model",
     "Multisine",
-    "HeldOut",
-    "InputError",
-    "Model",
     "PeriodicArx",
     "Phase",
     "Recording",
@@ -28,15 +26,19 @@ __all__ = [
     "add_noise",
     "chirp",
     "conceal",
-    "cycle_average",
     "cycle",
+    "cycle_average",
     "diagnose",
     "e_rms",
     "effect_names",
     "effect_text",
+    "identify",
+    "identify_arx",
+    "identify_map",
     "linearize",
     "multisine_lines",
     "noise",
+    "phase_from_events",
     "phase_shifted_chirps",
     "relative_rms",
     "rms_error",
@@ -44,10 +46,6 @@ __all__ = [
     "simulate",
     "sine",
     "step",
-    "identify_arx",
-    "identify_map",
-    "phase_from_events",
-    "simulate",
     "switch_events",
     "unit_factor",
     "zoo_names",
@@ -99,6 +97,7 @@ class _Design(TypedDict):
     sd: npt.NDArray[np.float64]
     band: npt.NDArray[np.float64]
     advice: list[str]
+
 class _CycleAverage(TypedDict):
     phase: npt.NDArray[np.float64]
     mean: npt.NDArray[np.float64]
@@ -309,6 +308,7 @@ class Htf:
     def figures(self) -> dict[str, float]: ...
     @property
     def warnings(self) -> list[str]: ...
+
 class Phase:
     @property
     def cycles(self) -> list[tuple[list[float], int, str | None]]: ...
@@ -398,6 +398,7 @@ class LtpSystem:
     def monodromy(self) -> npt.NDArray[np.float64]: ...
     @property
     def multipliers(self) -> npt.NDArray[np.complex128]: ...
+    def simulate(self, u: npt.NDArray[np.float64], t0: float, dt: float) -> npt.NDArray[np.float64]: ...
     def select(self, inputs: Sequence[int], outputs: Sequence[int]) -> LtpSystem: ...
     def lift(self, truncation: int) -> npt.NDArray[np.complex128]: ...
     def lifted_htf(self, omega: npt.NDArray[np.float64], harmonics: int, truncation: int) -> Htf: ...
@@ -415,6 +416,18 @@ def cycle(
     probes: int = 0,
     seed: int = 0,
 ) -> LimitCycle: ...
+def identify(
+    recordings: Sequence[Recording],
+    *,
+    period: float,
+    harmonics: int,
+    method: str = "floquet",
+    band: float | None = None,
+    orbit: str = "deviation",
+    order: int | None = None,
+    reach: float | None = None,
+    transients: bool | None = None,
+) -> Htf: ...
 def linearize(model: Model, cycle: LimitCycle) -> LtpSystem: ...
 def simulate(
     model: Model,

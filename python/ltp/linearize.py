@@ -72,6 +72,16 @@ class LtpSystem:
         _check_harmonics("htf", harmonics)
         return Htf.wrap(self._core.htf(_vector("omega", omega), harmonics))
 
+    def simulate(self, u: npt.ArrayLike, dt: float, *, t0: float = 0.0) -> Array:
+        """Outputs (n, ny) under inputs `u`, (n,) or (n, nu), every `dt` seconds from the clock's time `t0`, from rest.
+
+        Inputs run straight between samples; a sample at the instant of a jump sees the state after it. Raises
+        `InputError` for inputs that are not finite or have another number of columns.
+        """
+        samples = _vector("u", u)
+        columns = samples[:, np.newaxis] if samples.ndim == 1 else samples
+        return self._core.simulate(columns, float(t0), float(dt))
+
     def lift(self, truncation: int) -> npt.NDArray[np.complex128]:
         """The matrix `A - N` of the harmonic state space, blocks -truncation to truncation, of order (2N+1) nx.
 

@@ -11,6 +11,7 @@ pub mod htf;
 mod predict;
 mod propagate;
 mod select;
+mod simulate;
 pub mod system;
 
 pub use htf::Htf;

@@ -6,13 +6,14 @@
 
 use std::fmt::Display;
 
+use ltp_core::error::Error;
 use ltp_core::numeric::Complex;
 use numpy::ndarray::{Array, ArrayView2, Axis, Dimension, Ix1, Ix2, Ix4, concatenate};
 use numpy::{Element, IntoPyArray, PyArray, PyArray2, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
 
-use crate::error::{InputError, from_panic};
+use crate::error::{Failure, InputError, from_panic};
 
 /// A flat row-major matrix and its number of columns.
 pub type Flat<'a> = (&'a [f64], usize);
@@ -111,6 +112,14 @@ fn owned<T: Named, D: Dimension>(argument: &str, dimensions: &str, value: &Bound
     // Fields of packed records lie between the addresses that Rust may read a number from; numpy copies them out.
     let aligned = if array.is_aligned() { array.clone() } else { array.call_method0("copy")?.cast_into()? };
     Ok(aligned.readonly().as_array().to_owned())
+}
+
+/// Refuses two lengths that must be the same and are not.
+pub fn same(what: &str, expected: usize, found: usize) -> PyResult<()> {
+    if expected == found {
+        return Ok(());
+    }
+    Err(Failure::from(Error::Shape { what: what.into(), expected, found }).into())
 }
 
 fn mistake(error: impl Display) -> PyErr {

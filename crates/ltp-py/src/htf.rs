@@ -51,23 +51,27 @@ impl Htf {
         let sd = sd.map(|sd| array::block("sd", sd)).transpose()?;
         let coherence = coherence.map(|coherence| array::rows("coherence", coherence)).transpose()?;
         let figures = array::numbers("figures", figures)?;
+        let [rows, width, outputs, inputs] = shape;
+        array::same("values: frequencies beside omega", omega.len(), width)?;
+        if let Some((_, found)) = &sd {
+            for (axis, (&expected, &found)) in shape.iter().zip(found).enumerate() {
+                array::same(&format!("sd: axis {axis}, as of values"), expected, found)?;
+            }
+        }
+        if let Some((_, found)) = &coherence {
+            array::same("coherence: frequencies beside omega", width, found[0])?;
+            array::same("coherence: outputs", outputs, found[1])?;
+        }
         let core = door::short(py, || {
-            let [rows, width, outputs, inputs] = shape;
             if rows % 2 == 0 {
                 let what = "values: rows, harmonics from -K to K".into();
                 return Err(Error::OutOfRange { what, found: rows as f64, expected: "an odd number, 2K+1".into() });
             }
-            agree("values: frequencies beside omega", omega.len(), width)?;
             let mut core = periodic::Htf::new(period, rows / 2, omega, (outputs, inputs), values, method)?;
-            if let Some((sd, found)) = sd {
-                for (axis, (&expected, &found)) in shape.iter().zip(&found).enumerate() {
-                    agree(&format!("sd: axis {axis}, as of values"), expected, found)?;
-                }
+            if let Some((sd, _)) = sd {
                 core = core.with_sd(sd)?;
             }
-            if let Some((coherence, found)) = coherence {
-                agree("coherence: frequencies beside omega", width, found[0])?;
-                agree("coherence: outputs", outputs, found[1])?;
+            if let Some((coherence, _)) = coherence {
                 core = core.with_coherence(coherence)?;
             }
             (core.figures, core.warnings) = (figures, warnings);
@@ -151,10 +155,8 @@ impl Htf {
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<String>)> {
         let (u, [rows, width]) = array::rows("u", u)?;
         let core = Arc::clone(&self.core);
-        let found = door::long(py, None, move |_| {
-            agree("u: columns, as inputs", core.inputs(), width)?;
-            core.predict(&u, t0, dt)
-        })?;
+        array::same("u: columns, as inputs", core.inputs(), width)?;
+        let found = door::long(py, None, move |_| core.predict(&u, t0, dt))?;
         Ok((array::matrix(py, found.outputs, rows, self.core.outputs())?, found.warnings))
     }
 
@@ -207,9 +209,4 @@ impl Htf {
         let core = &self.core;
         [2 * core.harmonics() + 1, core.omega().len(), core.outputs(), core.inputs()]
     }
-}
-
-/// Two lengths that must be the same.
-fn agree(what: &str, expected: usize, found: usize) -> ltp_core::Result<()> {
-    if expected == found { Ok(()) } else { Err(Error::Shape { what: what.into(), expected, found }) }
 }

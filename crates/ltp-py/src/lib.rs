@@ -14,6 +14,7 @@ mod diagnose;
 mod door;
 mod error;
 mod htf;
+mod identify;
 mod interrupt;
 mod linearize;
 mod model;
@@ -40,6 +41,8 @@ mod _ltp {
     use crate::error::{ConvergenceError, InputError};
     #[pymodule_export]
     use crate::htf::Htf;
+    #[pymodule_export]
+    use crate::identify::identify;
     #[pymodule_export]
     use crate::linearize::{LtpSystem, linearize};
     #[pymodule_export]

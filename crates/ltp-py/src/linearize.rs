@@ -85,6 +85,21 @@ impl LtpSystem {
         self.core.multipliers().to_pyarray(py)
     }
 
+    /// Outputs (n, ny) from rest at `t0`, s, under inputs (n, nu) every `dt` seconds, straight lines in between.
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        u: &Bound<'_, PyAny>,
+        t0: f64,
+        dt: f64,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (u, [rows, width]) = array::rows("u", u)?;
+        let core = Arc::clone(&self.core);
+        array::same("u: columns, as inputs", core.size().nu, width)?;
+        let outputs = door::long(py, None, move |_| core.simulate(&u, t0, dt))?;
+        array::matrix(py, outputs, rows, self.core.size().ny)
+    }
+
     /// The system with only these inputs and outputs, by number.
     fn select(&self, py: Python<'_>, inputs: Vec<usize>, outputs: Vec<usize>) -> PyResult<Self> {
         Ok(Self { core: Arc::new(door::short(py, || self.core.select(&inputs, &outputs))?) })

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from ltp.reproduce.better import TAILS_HZ, floquet
+from ltp.reproduce.better import floquet
 from ltp.reproduce.published import USUAL
 from ltp.reproduce.result import Chapter, Row
 from ltp.reproduce.rig import Rig
@@ -24,7 +24,7 @@ def chapter(rig: Rig) -> Chapter:
         if "solve_seconds" in htf.figures:
             rows.append(Row(f"{words}: the solution alone", htf.figures["solve_seconds"], "s"))
     began = time.perf_counter()
-    floquet(rig, rig.chirps, 21, TAILS_HZ, keep=False)
+    floquet(rig, rig.chirps, 21, keep=False)
     rows.append(Row("shared poles, n_h 21: record to functions", time.perf_counter() - began, "s"))
     sentence = "Seconds on this computer, once each: Fourier transforms, the system, its solution, bands and all."
     return Chapter("Cost", sentence, rows)

@@ -15,7 +15,7 @@ SMALL = 1e-4  # N: at this amplitude the hopper is linear to 2e-5
 
 def chapter(rig: Rig) -> Chapter:
     """Theorem of the step, sines and step against the nonlinear simulation, floors of truncation."""
-    exact, k = rig.exact, rig.stiffness
+    exact, k = rig.exact, rig.parameter("k")
     constant = exact.values[:, 0, 0, 0]
     others = np.delete(constant, MOST_HARMONICS)
     small = [rig.sine_error(exact, hz, SMALL) / 100 for hz in _small(rig)]
@@ -72,7 +72,7 @@ def _step(rig: Rig) -> float:
 def _newton(rig: Rig) -> tuple[np.ndarray, float, float]:
     """The last 20 periods of a step of 1 N, and its mean and half range in units of u/k."""
     y = rig.deviation("1", 300, 2.5e-4)[-20 * rig.per_period :]
-    return y, float(y.mean() * rig.stiffness), float(np.ptp(y) / 2 * rig.stiffness)
+    return y, float(y.mean() * rig.parameter("k")), float(np.ptp(y) / 2 * rig.parameter("k"))
 
 
 def _draw(rig: Rig, settled: np.ndarray) -> Figure:
@@ -81,7 +81,7 @@ def _draw(rig: Rig, settled: np.ndarray) -> Figure:
     cycles = np.arange(n) / rig.per_period
     linear = rig.system.simulate(np.full(n, STEP), DT)[:, 0]
     steady = 6 * rig.per_period
-    constant = np.full(steady, 1.0 / rig.stiffness)
+    constant = np.full(steady, 1.0 / rig.parameter("k"))
     return responses(
         [
             Response("step of 0.01 N", cycles, rig.step_response[:n], [Predicted("exact, linear", linear, "after")]),

@@ -16,7 +16,7 @@ from ltp.plots.sweep import Line, Panel, sweep
 from ltp.reproduce.better import floquet
 from ltp.reproduce.published import siddiqi
 from ltp.reproduce.result import Chapter, Picture, Row
-from ltp.reproduce.rig import Record, Rig
+from ltp.reproduce.rig import Array, Record, Rig
 
 SNR = 12.5  # (rms of the signal over rms of the noise)^2, on input and output, white at the sampling of 1 kHz
 SIDDIQI = 1e3  # smoothness that cross-validation picks with this noise
@@ -39,7 +39,7 @@ class Median:
 def chapter(rig: Rig) -> Chapter:
     """Siddiqi's estimate, and the one with shared poles, on the chirps and on a shaped multisine."""
     seeds = (1, 2) if rig.quick else (5, 10)
-    shaped = rig.multisine(shape=1.0)
+    shaped = rig.multisine(by_pilot(rig))
     cases: list[tuple[str, Record, Estimate, int, dict[str, float]]] = [
         ("chirps, Siddiqi", rig.chirps, lambda r: siddiqi(rig, r, smoothness=SIDDIQI, keep=False), seeds[0], {}),
         (
@@ -85,10 +85,21 @@ def chapter(rig: Rig) -> Chapter:
     return Chapter("Noise (figures 10, 11)", sentence, rows, [picture], notes)
 
 
+def by_pilot(rig: Rig) -> Callable[[Array], Array]:
+    """Amplitudes that make all relative errors alike, from what the noisy chirps say of the response."""
+    pilot = floquet(rig, spoil(rig.chirps, 0), 21)
+
+    def weights(omega: Array) -> Array:
+        gain = np.sqrt(sum(np.abs(pilot.at(int(k), omega)) ** 2 for k in pilot.harmonics))
+        return np.asarray(1.0 / gain)
+
+    return weights
+
+
 def spoil(record: Record, seed: int, *, on_input: bool = True, on_output: bool = True) -> Record:
     """The record with white noise on what was measured, each signal with its own."""
-    u = signals.add_noise(record.u, SNR, seed=2 * seed) if on_input else record.u
-    y = signals.add_noise(record.y, SNR, seed=2 * seed + 1) if on_output else record.y
+    u = signals.add_noise(record.u, SNR, seed=2 * seed)[0] if on_input else record.u
+    y = signals.add_noise(record.y, SNR, seed=2 * seed + 1)[0] if on_output else record.y
     return Record(record.name, u, y, record.rest)
 
 

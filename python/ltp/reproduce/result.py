@@ -29,6 +29,7 @@ class Row:
     floor: float = math.nan
     low: float = math.nan
     high: float = math.nan
+    digits: int = 3
 
     @property
     def passed(self) -> bool | None:
@@ -42,13 +43,14 @@ class Row:
     @property
     def bar(self) -> str:
         """The bounds in words."""
+        low, high = number(self.low, self.digits), number(self.high, self.digits)
         if math.isnan(self.low):
-            return NONE if math.isnan(self.high) else f"at most {number(self.high)}"
-        return f"at least {number(self.low)}" if math.isnan(self.high) else f"{number(self.low)} to {number(self.high)}"
+            return NONE if math.isnan(self.high) else f"at most {high}"
+        return f"at least {low}" if math.isnan(self.high) else f"{low} to {high}"
 
     def cells(self) -> list[str]:
         """The row as texts: what, paper, ours, floor, bar, standing."""
-        ours = f"{number(self.ours)} {self.unit}".rstrip()
+        ours = f"{number(self.ours, self.digits)} {self.unit}".rstrip()
         standing = {True: "yes", False: "NO", None: NONE}[self.passed]
         return [self.what, self.paper or NONE, ours, number(self.floor), self.bar, standing]
 
@@ -134,6 +136,8 @@ def number(value: float, digits: int = 3) -> str:
     """A number with `digits` significant digits, a dash for none."""
     if math.isnan(value):
         return NONE
-    if value == 0 or 1e-3 <= abs(value) < 1e5:
-        return f"{value:#.{digits}g}".rstrip(".") if value else "0"
+    if value == 0:
+        return "0"
+    if 1e-3 <= abs(value) < 1e5:
+        return f"{value:#.{digits}g}".rstrip(".")
     return f"{value:.{digits - 1}e}".replace("e-0", "e-").replace("e+0", "e+")

@@ -29,12 +29,13 @@ AMPLITUDE = 0.1  # N, of chirps and test sines, as in the paper
 STEP = 0.01  # N, of the test step: small enough for its own distortion not to matter
 SETTLING = 100  # periods until a transient has decayed to 7e-8 of itself
 EVALUATED = 100  # periods over which an error is taken
+MARGIN = 1.05  # lines go past the band in which the estimate is used
 PERIODS = 1272  # of a multisine: 419.8 s, as long as the paper's chirps
 MOST_HARMONICS = 160  # of the exact functions: further ones are below the accuracy of the simulation
 DECIMATION = 5  # errors are taken every 5 ms: 66 samples in a period
 
 #: Frequencies (Hz) of test sines that tables quote: the resonances are 2.364 and 3.7, the pumping frequency 1/T.
-QUOTED = (0.1, 0.5, 1.0, 2.0, 2.4, 3.0, 1 / 0.33, 3.1, 3.7, 5.0, 8.0, 10.0, 15.0, 20.0)
+QUOTED = (0.1, 0.5, 1.0, 2.0, 2.364, 2.4, 3.0, 1 / 0.33, 3.1, 3.7, 5.0, 8.0, 10.0, 15.0, 20.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +72,9 @@ class Rig:
         self._estimates: dict[tuple[object, ...], ltp.Htf] = {}
         self._errors: WeakKeyDictionary[ltp.Htf, dict[tuple[float, float], float]] = WeakKeyDictionary()
 
-    @cached_property
-    def stiffness(self) -> float:
-        """Stiffness of the leg, N/m."""
-        return next(parameter.value for parameter in self.model.parameters if parameter.name == "k")
+    def parameter(self, name: str) -> float:
+        """The value of a parameter of the hopper, in its unit."""
+        return float(next(each["value"] for each in self.model.parameters if each["name"] == name))
 
     @cached_property
     def orbit(self) -> Array:
@@ -111,25 +111,30 @@ class Rig:
 
     def _chirps(self, name: str, top_hz: float, duration: float, periods: int) -> Record:
         n = periods * self.per_period
+        band = math.tau * top_hz
         u = signals.phase_shifted_chirps(
-            AMPLITUDE, (0.0, math.tau * top_hz), duration, self.period, 21, t_end=(n - 1) * DT, dt=DT
+            self.period, band, duration, amplitude=AMPLITUDE, repetitions=21, t_end=(n - 1) * DT, dt=DT
         )
         rest = periods - math.ceil(21 * duration / self.period)
         return self.record(name, u, rest)
 
-    def multisine(self, shape: float = 0.0, top_hz: float = 5.0, seed: int = 1) -> Record:
+    @cached_property
+    def flat(self) -> Record:
+        """The odd multisine up to 5 Hz with all amplitudes alike."""
+        return self.multisine()
+
+    def multisine(self, weights: Callable[[Array], Array] | None = None) -> Record:
         """An odd multisine of the length and rms of the paper's record, after 100 periods of settling.
 
-        shape: amplitudes are proportional to `|H|**-shape`, `|H|` the largest harmonic's; 0 is flat.
+        weights: relative amplitudes at angular frequencies (rad/s); all alike by default.
         """
-        u = self._multisine(shape, top_hz, seed)
+        found = signals.multisine(
+            self.period, MARGIN * math.tau * 5.0, PERIODS, rms=AMPLITUDE / math.sqrt(2), weights=weights, seed=1
+        )
+        u = found.samples(t_end=PERIODS * self.period - DT, dt=DT)
         settling = SETTLING * self.per_period
         y = self.deviation(np.concatenate([u[-settling:], u]), SETTLING + PERIODS)[settling:]
-        words = "odd multisine" if shape == 0.0 else f"odd multisine, shaped by the response to the power -{shape:g}"
-        return Record(words, u, y, 0)
-
-    def _multisine(self, shape: float, top_hz: float, seed: int) -> Array:
-        raise NotImplementedError
+        return Record("odd multisine" if weights is None else "odd multisine, shaped", u, y, 0)
 
     def estimate(self, record: Record, harmonics: int, *, keep: bool = True, **options: Any) -> ltp.Htf:
         """`ltp.identify` on a record with options of its own; with `keep`, the same question is answered once."""
@@ -200,7 +205,9 @@ class Rig:
     @cached_property
     def exact(self) -> ltp.Htf:
         """The exact functions up to harmonic 160, on a grid that resolves the resonances and holds every test sine."""
-        hz = np.union1d(np.arange(0.0, 21.0, 0.02), np.array([*QUOTED, *self.frequencies]))
+        hz = np.unique(
+            np.round([*np.arange(0.0, 6.0, 0.01), *np.arange(6.0, 21.0, 0.02), *QUOTED, *self.frequencies], 9)
+        )
         return self.system.htf(math.tau * hz, MOST_HARMONICS)
 
     def exact_with(self, harmonics: int) -> ltp.Htf:

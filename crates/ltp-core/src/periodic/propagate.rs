@@ -93,7 +93,7 @@ pub(super) fn product(left: &[f64], right: &[f64], rows: usize, inner: usize) ->
 
 /// A bound of the spectral radius of `A`, tight for oscillators whatever the units of their states: the least over powers of
 /// the norm of `A^m`, to the power `1/m`.
-fn rate(a: &[f64], nx: usize) -> f64 {
+pub(super) fn rate(a: &[f64], nx: usize) -> f64 {
     let mut power = a[..nx * nx].to_vec();
     let norm = |m: &[f64]| m.iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut least = norm(&power);

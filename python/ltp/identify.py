@@ -1,0 +1,63 @@
+"""Owns `ltp.identify` in Python: harmonic transfer functions from recordings, without any model."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+from ltp import _ltp
+from ltp._ltp import InputError
+from ltp.htf import Htf
+from ltp.recording import Recording
+
+
+def identify(
+    recording: Recording | Sequence[Recording],
+    *,
+    period: float,
+    harmonics: int,
+    method: str = "floquet",
+    band: float | None = None,
+    orbit: str = "deviation",
+    order: int | None = None,
+    reach: float | None = None,
+    transients: bool | None = None,
+) -> Htf:
+    """Harmonic transfer functions of the periodic system that made the recordings, with their uncertainty.
+
+    period: T of the system, s; the times of the recordings are those of its clock. harmonics: the largest, K.
+    method: "floquet" (one denominator for all harmonics, whose roots are the Floquet multipliers: any input),
+        "curvature" (Siddiqi's least squares with a penalty on curvature: any input) or "lines" (quotients of lines:
+        periodic inputs).
+    band: largest input frequency of the estimate, rad/s; by default as far as the input has power.
+    orbit: "deviation" when the periodic orbit was subtracted from the outputs; "removed" when they still contain it, or
+        what is left of it: output lines at multiples of the pumping frequency then carry no information.
+    order, reach, transients: of "floquet": the number of multipliers, by default the one with the greatest evidence; the
+        input frequency up to which numerators are fitted, rad/s; whether records may begin away from the steady state.
+
+    Several recordings of the same channels are taken together. Doubts (few cycles, no power in part of the band) are
+    warned of and kept in `warnings`. Raises `InputError` when the recordings cannot be used as asked, with the numbers
+    and what to do.
+    """
+    listed = [recording] if isinstance(recording, Recording) else list(recording)
+    for one in listed:
+        if not isinstance(one, Recording):
+            found = type(one).__name__
+            raise InputError(f"identify: found a {found}, expected recordings; make them with ltp.Recording")
+    if harmonics < 0:
+        raise InputError(f"identify: harmonics is {harmonics}, expected the largest harmonic, from 0 on; correct it")
+    core = _ltp.identify(
+        [one._core for one in listed],
+        period=float(period),
+        harmonics=harmonics,
+        method=method,
+        band=band,
+        orbit=orbit,
+        order=order,
+        reach=reach,
+        transients=transients,
+    )
+    htf = Htf.wrap(core)
+    for text in htf.warnings:
+        warnings.warn(f"identify: {text}", stacklevel=2)
+    return htf

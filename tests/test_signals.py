@@ -206,8 +206,21 @@ class TestDesign:
             gain(Two(), input=0)
         with pytest.raises(ltp.InputError, match="1 inputs and number 1 was"):
             gain(Filter(), input=1)
-        with pytest.raises(ltp.InputError, match="no 'h' among the outputs; without a model they have numbers"):
+        with pytest.raises(ltp.InputError, match="no 'h' among the outputs; they have numbers"):
             gain(Filter(), output="h")
+
+    def test_a_pilot_s_transfer_functions_are_enough(self) -> None:
+        omega = np.linspace(0.0, TAU * 2, 400)
+        pilot = ltp.Htf(Filter().htf(omega, 2).values, omega, Filter.period)
+        design = signals.design(pilot, TAU * 2, 100.0, dt=0.01, snr=5.0)
+        exact = signals.design(Filter(), TAU * 2, 100.0, dt=0.01, snr=5.0, settle=20)
+        np.testing.assert_array_equal(design.omega, exact.omega)
+        assert design.gain is not None and exact.gain is not None
+        inside = design.omega <= omega[-1]
+        np.testing.assert_allclose(design.gain[inside], exact.gain[inside], rtol=1e-6)
+        # The lines go 5 % past the pilot's band: there the gain at its end is taken.
+        assert not inside[-1]
+        assert design.gain[-1] == pytest.approx(np.sqrt(1.32) / abs(2j * TAU + 3), rel=1e-9)
 
     def test_a_pilot_s_gain_shapes_it(self) -> None:
         flat = signals.design(TAU, TAU * 2, 100.0, dt=0.01)
@@ -217,9 +230,10 @@ class TestDesign:
         np.testing.assert_allclose(ratio, ratio[0])
         assert flat.noise_sd is None and flat.gain is None
 
-    @pytest.mark.skipif(not hasattr(ltp, "linearize"), reason="cycle and linearize are not there yet")
     def test_a_model_is_enough(self) -> None:
         design = signals.design(ltp.zoo.hopper(), TAU * 5, 462.0, input="u_c", output="h", rms=0.0707, snr=12.5)
+        with pytest.raises(ltp.InputError, match="no 'q' among the outputs; they are h"):
+            signals.design(ltp.zoo.hopper(), TAU * 5, 462.0, output="q")
         # 0.8479^n is below 1e-7 first for n = 98; a constant force shifts h by 1/k.
         assert design.settle == pytest.approx(98 * T)
         assert design.gain is not None

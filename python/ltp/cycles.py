@@ -156,8 +156,8 @@ class SectionMap:
 
     `states` (cycles, d), NaN for bad cycles; `matrix` (d, d) with `matrix_sd`; `multipliers` (d,), largest first, and
     the 95 % interval of the magnitude of each, (d, 2), from `groups` of the `pairs`. `claims` is whether held-out
-    predictions beat both the mean and the cycle before with 95 % confidence; without it the multipliers describe nothing
-    that was shown.
+    predictions beat both the mean and the cycle before with 95 % confidence; without it the multipliers describe
+    nothing that was shown.
     """
 
     states: Array

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,9 @@ import numpy.typing as npt
 
 from ltp import _ltp
 from ltp._ltp import InputError
+from ltp.cycle import cycle
+from ltp.htf import Htf
+from ltp.linearize import linearize
 from ltp.model import Model
 
 Array = npt.NDArray[np.float64]
@@ -232,13 +234,13 @@ def design(
 ) -> Design:
     """Propose a multisine for identifying `system` and predict the confidence bands that it will give.
 
-    system: a model (its cycle and linearization give the gain, and the time to settle), a linearization, or only the
-        pumping frequency in rad/s.
+    system: a model (its cycle and linearization give the gain, and the time to settle), a linearization, the harmonic
+        transfer functions that a pilot gave, or only the pumping frequency in rad/s.
     band: input frequencies wanted, rad/s; the lines go 5 % further. duration: time there is, s, settling included.
     noise_sd, snr: noise on the output, as the standard deviation of a sample or as (rms output / rms noise)**2; a ratio
         wants a gain.
-    gain: instead of the system's, such as a pilot's: output rms over input rms at the lines, or a function of their
-        frequencies. shape: amplitudes go as `gain**-shape`: 0 is flat, 1 makes all relative errors equal.
+    gain: instead of the system's: output rms over input rms at the lines, or a function of their frequencies. shape:
+        amplitudes go as `gain**-shape`: 0 is flat, 1 makes all relative errors equal.
     harmonics: how many of the system's harmonics the gain counts. input, output: which, where there are several: a name
         of the model, or a number from 0.
     repeats: periods of the multisine in the record; settle: periods of the system before it.
@@ -250,12 +252,11 @@ def design(
         raise InputError("design: found noise_sd and snr, which say the same thing; give one of them")
     known = None if isinstance(system, (int, float, np.number)) else _linear(system)
     period = 2 * np.pi / float(system) if known is None else float(known.period)
-    if settle is None and known is not None:
+    if settle is None and known is not None and hasattr(known, "multipliers"):
         settle = _ltp.settling_periods(float(np.max(np.abs(known.multipliers), initial=0.0)))
     plan = _ltp.ExperimentPlan(period, _band(band), duration, dt, repeats, settle, lines, half_pumping, count, spread)
     if gain is None and known is not None:
-        chosen = _chosen(system, "inputs", input), _chosen(system, "outputs", output)
-        gain = _gain(known, harmonics, *chosen)
+        gain = _gain(known, harmonics, input, output)
     gains = None if gain is None else _at_lines("gain", gain, plan.omega)
     found = plan.design(gains, rms, shape, noise_sd, snr, _CREST_TURNS, seed)
     settling, record = plan.times
@@ -278,39 +279,47 @@ def design(
 def _linear(system: Any) -> Any:
     """The linear periodic system: of a model around its cycle, or as given."""
     if isinstance(system, Model):
-        ltp: Any = import_module("ltp")
-        return ltp.linearize(system, ltp.cycle(system))
-    if all(hasattr(system, name) for name in ("period", "multipliers", "htf")):
+        return linearize(system, cycle(system))
+    if isinstance(system, Htf) or all(hasattr(system, name) for name in ("period", "multipliers", "htf")):
         return system
     found = type(system).__name__
-    raise InputError(f"design: found a {found}, expected a model, a linearization or a pumping frequency in rad/s")
+    raise InputError(
+        f"design: found a {found}, expected a model, a linearization, harmonic transfer functions or a pumping "
+        "frequency in rad/s"
+    )
 
 
-def _chosen(system: Any, kind: str, wanted: str | int | None) -> int | None:
-    """The number of an input or output."""
-    if not isinstance(wanted, str):
-        return wanted
-    names = list(getattr(system, kind)) if isinstance(system, Model) else []
-    if wanted not in names:
-        known = f"they are {', '.join(names)}" if names else "without a model they have numbers, from 0"
-        raise InputError(f"design: there is no {wanted!r} among the {kind}; {known}")
-    return names.index(wanted)
-
-
-def _gain(linear: Any, harmonics: int, input: int | None, output: int | None) -> Callable[[Array], Array]:
+def _gain(linear: Any, harmonics: int, input: str | int | None, output: str | int | None) -> Callable[[Array], Array]:
     """The output's rms over that of a sine at the input, all harmonics together."""
 
     def gain(omega: Array) -> Array:
-        values = np.asarray(linear.htf(omega, harmonics).values)
-        ny, nu = values.shape[2:]
-        for kind, there, wanted in (("input", nu, input), ("output", ny, output)):
-            if (wanted is None and there != 1) or not 0 <= (wanted or 0) < there:
-                found = "none was chosen" if wanted is None else f"number {wanted} was"
-                raise InputError(f"design: the system has {there} {kind}s and {found}; choose by `{kind}`")
-        squares = np.abs(values[:, :, output or 0, input or 0]) ** 2
-        return np.asarray(np.sqrt(squares.sum(axis=0)), dtype=np.float64)
+        if isinstance(linear, Htf):
+            # A pilot says nothing beyond its own band: there the gain at the end of the band has to do.
+            known = np.clip(omega, linear.omega[0], linear.omega[-1])
+            y, u = _place(linear, "output", output, linear.values), _place(linear, "input", input, linear.values)
+            chosen = linear.harmonics[np.abs(linear.harmonics) <= harmonics]
+            values = np.array([linear.at(k, known, y, u) for k in chosen.tolist()])
+        else:
+            every = np.asarray(linear.htf(omega, harmonics).values)
+            values = every[:, :, _place(linear, "output", output, every), _place(linear, "input", input, every)]
+        return np.asarray(np.sqrt((np.abs(values) ** 2).sum(axis=0)), dtype=np.float64)
 
     return gain
+
+
+def _place(linear: Any, kind: str, wanted: str | int | None, values: npt.NDArray[np.complex128]) -> int:
+    """The number of an input or output, which need not be named where there is one."""
+    there = values.shape[2 if kind == "output" else 3]
+    names = list(getattr(linear, f"{kind}_names", []))
+    if isinstance(wanted, str):
+        if wanted not in names:
+            known = f"they are {', '.join(names)}" if names else "they have numbers, from 0"
+            raise InputError(f"design: there is no {wanted!r} among the {kind}s; {known}")
+        return names.index(wanted)
+    if (wanted is None and there != 1) or not 0 <= (wanted or 0) < there:
+        found = "none was chosen" if wanted is None else f"number {wanted} was"
+        raise InputError(f"design: the system has {there} {kind}s and {found}; choose by `{kind}`")
+    return wanted or 0
 
 
 def _band(band: Band) -> tuple[float, float]:

@@ -3,9 +3,8 @@
 //! [`spectra`] turns recordings into lines on which the clock is a whole number of bins, and refuses what cannot be
 //! identified. Three methods read them: [`floquet`] fits numerators of finite memory over one common denominator, whose
 //! roots are the Floquet multipliers; [`curvature`] is Siddiqi's least squares with a smoothness penalty; [`lines`] divides
-//! line by line where the excitation is periodic. Where no clock runs, [`phase`] reads it from
-//! events, [`orbit`] averages over cycles, [`arx`] and [`section`] are discrete periodic models, scored by [`held_out`] runs.
-//! Nothing here can see a model, so nothing can peek at the truth.
+//! line by line where the excitation is periodic. [`rest`] asks what outputs show while the input rests. Nothing here can see a model, so nothing can peek at the truth.
+//!
 //! Machines without a clock have only their events to tell the time: [`phase`] makes a phase of them, [`orbit`] averages
 //! over cycles, [`arx`] estimates a discrete linear time-periodic model and [`held_out`] says what it is worth, and
 //! [`section`] estimates the map from one cycle to the next.
@@ -17,6 +16,7 @@ pub mod held_out;
 pub mod lines;
 pub mod orbit;
 pub mod phase;
+pub mod rest;
 pub mod section;
 pub mod spectra;
 
@@ -70,11 +70,17 @@ pub enum Method {
 /// As [`Spectra::new`] for recordings that cannot be used, and as the method says.
 pub fn identify(recordings: &[Recording], options: &Options) -> Result<Htf> {
     let spectra = Spectra::new(recordings, options)?;
-    match &options.method {
+    let mut htf = match &options.method {
         Method::Floquet(own) => floquet::identify(&spectra, options, own),
         Method::Curvature(own) => curvature::identify(&spectra, options, own),
         Method::Lines(own) => lines::identify(&spectra, options, own),
+    }?;
+    // An orbit that is still in the outputs is no bias: its lines are left out.
+    if options.orbit == Orbit::Deviation {
+        let rests = rest::rests(recordings, options.period);
+        htf.warnings.extend(rests.iter().filter(|r| r.is_biased()).map(rest::Rest::sentence));
     }
+    Ok(htf)
 }
 
 #[cfg(test)]

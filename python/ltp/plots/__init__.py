@@ -1,4 +1,6 @@
-"""Figures of a diagnosis, as matplotlib ``Figure`` objects; the report embeds them and users may save them.
+"""Figures of a diagnosis and of rhythmic recordings, as matplotlib ``Figure`` objects.
+
+The report embeds them, and users may save them.
 
 >>> from ltp import plots
 >>> figure = plots.ranking([plots.Candidate("coulomb_friction at drive", 0.0, -5210.0, True, "named")])
@@ -8,6 +10,7 @@
 from __future__ import annotations
 
 from .curves import Curves, comparison, leaves_frame
+from .cycles import Action, MeanCycle, Trial, held_out_runs, mean_cycle
 from .errors import ErrorRow, errors
 from .force import Force, Law, Units, axis_of, missing_force
 from .parameters import Shift, absorbed
@@ -17,18 +20,23 @@ from .svg import to_svg
 
 __all__ = [
     "COLORS",
+    "Action",
     "Candidate",
     "Curves",
     "ErrorRow",
     "Force",
     "Law",
+    "MeanCycle",
     "Shift",
+    "Trial",
     "Units",
     "absorbed",
     "axis_of",
     "comparison",
     "errors",
+    "held_out_runs",
     "leaves_frame",
+    "mean_cycle",
     "missing_force",
     "ranking",
     "to_svg",

@@ -1,6 +1,8 @@
-use super::super::held_out::held_out;
-use super::super::planted::{DT, Place, joins, phase_of, places, recording};
+//! Tests of the periodic ARX model: planted machines, with and without feedback, and one that does not vary.
+
 use super::*;
+use crate::identify::held_out::held_out;
+use crate::identify::planted::{DT, Place, joins, phase_of, places, recording};
 
 /// Amplitude of the planted periodic coefficients; 0 plants a time-invariant machine.
 struct Planted {

@@ -1,5 +1,7 @@
-use super::super::planted::{joins, phase_of, places, recording};
+//! Tests of the held-out score: a model that is right, and runs that must not enter their own prediction.
+
 use super::*;
+use crate::identify::planted::{joins, phase_of, places, recording};
 
 /// A first-order machine around an orbit of its own in every run.
 fn walk() -> (Recording, Phase, Options) {

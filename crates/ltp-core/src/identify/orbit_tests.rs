@@ -1,5 +1,7 @@
-use super::super::planted::{joins, phase_of, places, recording};
+//! Tests of the cycle average: planted orbits, jumps and scatter.
+
 use super::*;
+use crate::identify::planted::{joins, phase_of, places, recording};
 use crate::numeric::rng::SplitMix64;
 
 /// A motion with a jump at the second switch.

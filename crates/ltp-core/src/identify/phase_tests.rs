@@ -1,7 +1,9 @@
-use super::super::planted::{DT, joins, phase_of, places, recording};
-use super::*;
+//! Tests of phase from events: planted phases, and cycles with one thing wrong.
 
-fn walker(runs: usize) -> (Vec<super::super::planted::Place>, Recording) {
+use super::*;
+use crate::identify::planted::{DT, joins, phase_of, places, recording};
+
+fn walker(runs: usize) -> (Vec<crate::identify::planted::Place>, Recording) {
     let places = places(runs, 6, 1);
     let y = places.iter().map(|p| (std::f64::consts::TAU * p.phase).cos()).collect();
     let recording = recording(&places, &vec![0.0; places.len()], vec![y]);

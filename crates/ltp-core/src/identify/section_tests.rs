@@ -1,5 +1,7 @@
-use super::super::planted::{Place, joins, phase_of, places, recording};
+//! Tests of the section map: planted multipliers, nothing planted, and runs too short to tell.
+
 use super::*;
+use crate::identify::planted::{Place, joins, phase_of, places, recording};
 
 /// Deviations `z[n+1] = A z[n] + e` on an orbit, constant over each cycle, around a fixed point of each run that is `apart`.
 fn planted(places: &[Place], map: [[f64; 2]; 2], apart: f64, seed: u64) -> Recording {

@@ -256,21 +256,18 @@ fn check_gain(plan: &Plan, gain: &[f64], power: f64) -> Result<Vec<f64>> {
 fn advice(design: &Design, gain: Option<&[f64]>) -> Vec<String> {
     let Design { plan, multisine, .. } = design;
     let request = &plan.request;
-    let omega = plan.omega();
-    let hz: Vec<f64> = omega.iter().map(|w| w / TAU).collect();
+    let hz: Vec<f64> = plan.omega().iter().map(|w| w / TAU).collect();
     let gap = hz.windows(2).map(|w| w[1] - w[0]).fold(hz[0], f64::max);
     let mut words = vec![
         format!(
-            "Apply it for {:.6} s and record from {:.6} s on: {} x {} periods, {:.6} s. Before that the system settles.",
-            plan.settling() + plan.record(),
-            plan.settling(),
+            "Settle for {} s, then record {} s: {} x {} periods.",
+            trimmed(plan.settling()),
+            trimmed(plan.record()),
             request.repeats,
-            plan.cycles,
-            plan.record()
+            plan.cycles
         ),
         format!(
-            "{} lines from {:.4} to {:.4} Hz, crest factor {:.2}. Neighbours are up to {gap:.4} Hz apart: a resonance narrower \
-             than twice that falls between them.",
+            "{} lines from {:.4} to {:.4} Hz, up to {gap:.4} Hz apart, crest factor {:.2}.",
             hz.len(),
             hz[0],
             hz[hz.len() - 1],
@@ -280,8 +277,7 @@ fn advice(design: &Design, gain: Option<&[f64]>) -> Vec<String> {
     if request.choice.kind == Kind::Distinct {
         let harmonics = ((0.5 / request.dt - hz[hz.len() - 1]) * request.period).floor();
         words.push(format!(
-            "Every output line up to harmonic {harmonics} has one source. Even lines are not excited: what stands there is noise \
-             and distortion of even order; lower the rms until the distortion drowns."
+            "Each output line up to harmonic {harmonics} has one source; even lines show noise and even-order distortion alone."
         ));
     }
     let samples = plan.multisine_period() / request.dt;
@@ -293,37 +289,38 @@ fn advice(design: &Design, gain: Option<&[f64]>) -> Vec<String> {
         ));
     }
     words.push(expected_accuracy(design, gain, &hz));
+    words.push("Four times the time, or twice the rms, halves it.".into());
     words
 }
 
 /// The sentence about bands.
 fn expected_accuracy(design: &Design, gain: Option<&[f64]>, hz: &[f64]) -> String {
-    let radius = radius(1.0);
-    let range = |values: &[f64]| values.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), &v| (l.min(v), h.max(v)));
-    let (least, most) = range(&design.sd);
-    let Some(noise) = design.noise_sd else {
-        return format!(
-            "Line by line, output noise of standard deviation s gives each H_k a 95 % disc of radius {:.4} s to {:.4} s.",
-            radius * least,
-            radius * most
-        );
+    let discs = design.band();
+    let (noise, unit) = match design.noise_sd {
+        Some(sd) => (format!("{sd:.3e}"), ""),
+        None => ("s".into(), " s"),
     };
-    let text = format!(
-        "Line by line, output noise of standard deviation {noise:.4e} gives each H_k a 95 % disc of radius {:.4e} to {:.4e}",
-        radius * least,
-        radius * most
-    );
-    let Some(gain) = gain else {
-        return text + "; four times the time, or twice the rms, halves it.";
+    let text = format!("Output noise of deviation {noise} gives each H_k, line by line, a 95 % disc of radius");
+    let radii = span(&discs, |r| format!("{r:.3e}{unit}"));
+    let (Some(_), Some(gain)) = (design.noise_sd, gain) else {
+        return format!("{text} {radii}.");
     };
-    let relative: Vec<f64> = design.sd.iter().zip(gain).map(|(s, g)| 100.0 * radius * s / g).collect();
+    let relative: Vec<f64> = discs.iter().zip(gain).map(|(r, g)| 100.0 * r / g).collect();
     let worst = (0..relative.len()).max_by(|&a, &b| relative[a].total_cmp(&relative[b])).unwrap_or(0);
-    format!(
-        "{text}, which is {:.2} % to {:.2} % of the gain, worst at {:.4} Hz; four times the time, or twice the rms, halves it.",
-        range(&relative).0,
-        relative[worst],
-        hz[worst]
-    )
+    let percent = span(&relative, |p| format!("{p:.2} %"));
+    format!("{text} {radii}, {percent} of the gain, worst at {:.4} Hz.", hz[worst])
+}
+
+/// The least and the largest of some numbers as they are written, or the one that they all are.
+fn span(values: &[f64], written: impl Fn(f64) -> String) -> String {
+    let least = written(values.iter().copied().fold(f64::INFINITY, f64::min));
+    let most = written(values.iter().copied().fold(0.0, f64::max));
+    if least == most { most } else { format!("{least} to {most}") }
+}
+
+/// A time to the microsecond, without the zeros behind it.
+fn trimmed(seconds: f64) -> String {
+    format!("{seconds:.6}").trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// Periods after which what is left of a start is below 1e-7, from the largest magnitude of the Floquet multipliers.

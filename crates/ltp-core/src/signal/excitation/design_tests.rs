@@ -164,6 +164,12 @@ fn shape_one_makes_relative_errors_equal_and_shape_zero_the_lines() {
     for (sd, g) in equal.sd.iter().zip(&gains) {
         assert!((sd / g / (equal.sd[0] / gains[0]) - 1.0).abs() < 1e-12);
     }
+    // Nothing is said in percent while the noise is not known.
+    assert!(!equal.advice.join(" ").contains("of the gain"));
+    let noisy = design(&plan, Some(&gains), &Shape { power: 1.0, noise: Noise::Sd(0.01), ..Shape::default() });
+    let percent = 100.0 * radius(0.01 * equal.sd[0] / gains[0]);
+    let words = noisy.expect("design").advice.join(" ");
+    assert!(words.contains(&format!(", {percent:.2} % of the gain, worst at")), "{words}");
     let flat = of(0.0);
     assert!(flat.multisine.amplitudes().iter().all(|a| (a - flat.multisine.amplitudes()[0]).abs() < 1e-15));
     // sd = s/r sqrt(2 L / N), with s = r = 1, 20 lines and 4000 samples.
@@ -178,7 +184,9 @@ fn without_noise_deviations_are_per_unit_of_it() {
     for (a, b) in unit.sd.iter().zip(&some.sd) {
         assert!((0.02 * a / b - 1.0).abs() < 1e-14);
     }
-    assert!(unit.advice.iter().any(|words| words.contains("standard deviation s ")));
+    // 1.7308 times 0.1, of 20 lines of one size in 4000 samples.
+    assert!(unit.advice.iter().any(|words| words.contains("radius 1.731e-1 s.")), "{:?}", unit.advice);
+    assert!(some.advice.iter().any(|words| words.contains("radius 3.462e-3.")), "{:?}", some.advice);
 }
 
 #[test]

@@ -18,8 +18,8 @@ def add(commands: common.Commands) -> None:
         "reproduce",
         help="reproduce a published work figure by figure",
         description="Reproduce Uyanik et al. 2015, a hopping robot and its harmonic transfer functions, figure by\n"
-        "figure: the paper's figures beside those of ltp, beside the exact ones, with the bounds within which they\n"
-        "have to lie. Writes a page that opens offline, hopper.html, and its figures as PNG. A figure out of bounds is\n"
+        "figure: the paper's figures beside those of ltp, beside the exact ones, with the bounds in which they have\n"
+        "to lie. Writes a page that opens offline, hopper.html, and its figures as PNG. A figure out of bounds is\n"
         "exit code 1.",
         epilog=common.epilog("ltp reproduce hopper --quick --out hopper"),
         formatter_class=common.Formatter,

@@ -102,7 +102,7 @@ def spoil(record: Record, seed: int, *, on_input: bool = True, on_output: bool =
     """The record with white noise on what was measured, each signal with its own."""
     u = signals.add_noise(record.u, SNR, seed=2 * seed)[0] if on_input else record.u
     y = signals.add_noise(record.y, SNR, seed=2 * seed + 1)[0] if on_output else record.y
-    return Record(record.name, u, y, record.rest)
+    return Record(record.name, u, y)
 
 
 def median(rig: Rig, record: Record, estimate: Estimate, seeds: range) -> Median:

@@ -40,7 +40,7 @@ from ltp.diagnose import (
     diagnose,
 )
 from ltp.htf import Htf
-from ltp.identify import identify
+from ltp.identify import Rest, identify, rests
 from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
 from ltp.recording import Recording
@@ -74,6 +74,7 @@ __all__ = [
     "Phase",
     "Ratio",
     "Recording",
+    "Rest",
     "SectionMap",
     "StepResponse",
     "Stop",
@@ -87,6 +88,7 @@ __all__ = [
     "linearize",
     "metrics",
     "phase_from_events",
+    "rests",
     "signals",
     "simulate",
     "switch_times",

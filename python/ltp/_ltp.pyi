@@ -41,6 +41,7 @@ __all__ = [
     "phase_from_events",
     "phase_shifted_chirps",
     "relative_rms",
+    "rests",
     "rms_error",
     "settling_periods",
     "simulate",
@@ -428,6 +429,7 @@ def identify(
     reach: float | None = None,
     transients: bool | None = None,
 ) -> Htf: ...
+def rests(recordings: Sequence[Recording], period: float) -> list[tuple[str, str, float, float, float, float, int]]: ...
 def linearize(model: Model, cycle: LimitCycle) -> LtpSystem: ...
 def simulate(
     model: Model,

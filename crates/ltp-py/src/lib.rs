@@ -42,7 +42,7 @@ mod _ltp {
     #[pymodule_export]
     use crate::htf::Htf;
     #[pymodule_export]
-    use crate::identify::identify;
+    use crate::identify::{identify, rests};
     #[pymodule_export]
     use crate::linearize::{LtpSystem, linearize};
     #[pymodule_export]

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from .decimate import Array, envelope, thin
-from .style import COLORS, figure_legend, hide_spines, label, new_figure, plain_ticks, styled
+from .style import COLORS, decade_ticks, hide_spines, label, new_figure, plain_ticks, shared_legend, styled
 
 if TYPE_CHECKING:
     from ltp.htf import Htf
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 SERIES = ("after", "before", "rival", "floor", "nominal")
 #: Radius of the disc that holds a circular complex normal error with 95 % probability, in its sd: sqrt(5.9915 / 2).
 RADIUS_95 = math.sqrt(5.991464547107979 / 2.0)
+#: A logarithmic axis ends at this fraction of the largest value.
+DEEPEST = 1e-5
 #: No line has more points than this.
 LIMIT = 1600
 
@@ -60,8 +62,8 @@ def htf_figure(
     if exact is not None:
         magnitude.plot([], [], color=COLORS["ink"], lw=0.9, ls=(0, (4, 2)), label="exact")
         panels[2].set_ylabel(label("error", unit))
-        panels[2].set_yscale("log")
-    magnitude.set_yscale("log")
+        _logarithmic(panels[2])
+    _logarithmic(magnitude)
     magnitude.set_ylabel(label("magnitude", unit))
     phase.set_ylabel("phase (°)")
     phase.set_ylim(-190, 190)
@@ -74,8 +76,17 @@ def htf_figure(
         axes.tick_params(axis="x", length=0)
         axes.tick_params(axis="y", which="minor", length=0)
     figure.align_ylabels(list(panels))
-    figure_legend(figure, magnitude)
+    shared_legend(figure, [magnitude])
     return figure
+
+
+def _logarithmic(axes: Axes) -> None:
+    """A logarithmic axis over what is drawn, down to a hundred-thousandth of the largest: zeros have no place on it."""
+    drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
+    drawn = drawn[np.isfinite(drawn) & (drawn > 0)]
+    high = float(drawn.max()) if len(drawn) else 1.0
+    low = max(float(drawn.min()) if len(drawn) else 0.1, DEEPEST * high)
+    decade_ticks(axes, low / 1.5, high * 1.5)
 
 
 def _magnitude(

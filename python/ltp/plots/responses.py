@@ -13,6 +13,9 @@ from .decimate import Array, envelope, finite_range
 from .numbers import prefixed
 from .style import COLORS, hide_spines, label, new_figure, plain_ticks, shared_legend, styled
 
+#: What varies by less than this fraction of itself is a constant to the eye.
+FLAT = 1e-3
+
 
 @dataclass(frozen=True)
 class Predicted:
@@ -50,6 +53,9 @@ def responses(panels: Sequence[Response], *, name: str = "y", unit: str = "m", h
         _line(upper, panel.cycles, panel.measured * factor, "ink", "measured", width=3.6, alpha=0.33)
         for prediction in panel.predictions:
             _line(upper, panel.cycles, prediction.values * factor, prediction.role, prediction.name)
+        if high - low < FLAT * max(abs(low), abs(high)):
+            # A constant is shown as one, not as its last digits.
+            upper.set_ylim(sorted((0.0, 1.4 * factor * (high if high > 0 else low))))
         upper.set_title(panel.title, fontsize=9.0, loc="left", color=COLORS["muted"])
         upper.set_ylabel(label(name, printed))
         errors = [(p, p.values - panel.measured) for p in panel.predictions]

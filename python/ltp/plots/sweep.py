@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from .decimate import Array, finite_range
-from .style import COLORS, hide_spines, new_figure, shared_legend, styled
+from .style import COLORS, hide_spines, new_figure, plain_ticks, shared_legend, styled
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,7 @@ def sweep(panels: Sequence[Panel], *, height: float = 3.6) -> Figure:
             )  # fmt: skip
         axes.set_title(panel.title, fontsize=9.0, loc="left", color=COLORS["muted"])
         axes.set_xlabel("frequency of the sine (Hz)")
+        plain_ticks(axes, x=5, y=None)
         hide_spines(axes, "left", "bottom")
         axes.tick_params(axis="x", length=0)
     _axes(grid[0], low, high, max(float(line.hz.max()) for panel in panels for line in panel.lines))

@@ -80,13 +80,23 @@ def _rows(rig: Rig, words: str, htf: ltp.Htf, bars: dict[str, float]) -> list[Ro
 
 
 def _poles(rig: Rig, htf: ltp.Htf) -> list[Row]:
-    """The coefficients of the shared denominator, against those of the monodromy matrix."""
-    leading = sorted(rig.system.multipliers, key=abs)[-2:]
-    a1, a2 = float(sum(leading).real), float(-np.prod(leading).real)
-    return [
-        Row(f"multisine, n_h 41: {name}, less {true:.9f}", htf.figures[name] - true, low=-3e-5, high=3e-5)
-        for name, true in (("a1", a1), ("a2", a2))
-    ]
+    """Trace and determinant of the monodromy matrix, from the two largest multipliers that were found."""
+    figures = htf.figures
+    order = round(figures["order"])
+    found = [complex(figures[f"multiplier{i}_re"], figures[f"multiplier{i}_im"]) for i in range(1, order + 1)]
+    rows = []
+    for name, combine in (("a1", sum), ("a2", lambda pair: -np.prod(pair))):
+        ours, true = (complex(combine(sorted(each, key=abs)[-2:])).real for each in (found, rig.system.multipliers))
+        rows.append(
+            Row(
+                f"multisine, n_h 41: {name} of the two largest multipliers",
+                ours,
+                low=true - 3e-5,
+                high=true + 3e-5,
+                digits=8,
+            )
+        )
+    return rows
 
 
 def _draw(rig: Rig, chirped: ltp.Htf, best: ltp.Htf) -> Figure:

@@ -22,12 +22,14 @@ SNR = 12.5  # (rms of the signal over rms of the noise)^2, on input and output, 
 SIDDIQI = 1e3  # smoothness that cross-validation picks with this noise
 TESTS = (0.1, 0.3, 0.5, 1.0, 1.5, 2.0, 2.4, 3.0, 1 / 0.33, 3.5, 3.7, 4.0, 4.5)  # Hz
 
+ERRORS = ("one_hz", "pump", "worst", "step")
+
 Estimate = Callable[[Record], ltp.Htf]
 
 
 @dataclass(frozen=True)
 class Median:
-    """Medians over seeds, in percent, and the fraction of values that lie in their 95 % discs."""
+    """Medians over seeds, in percent, and the mean fraction of values that lie in their 95 % discs."""
 
     one_hz: float
     pump: float
@@ -100,18 +102,20 @@ def spoil(record: Record, seed: int, *, on_input: bool = True, on_output: bool =
     """The record with white noise on what was measured, each signal with its own."""
     u = signals.add_noise(record.u, SNR, seed=2 * seed)[0] if on_input else record.u
     y = signals.add_noise(record.y, SNR, seed=2 * seed + 1)[0] if on_output else record.y
-    return Record(record.name, u, y, record.rest)
+    return Record(record.name, u, y)
 
 
 def median(rig: Rig, record: Record, estimate: Estimate, seeds: range) -> Median:
     """Medians over the seeds of the noise."""
     found = [_one(rig, estimate(spoil(record, seed))) for seed in seeds]
-    return Median(*(float(np.median([getattr(each, name) for each in found])) for name in Median.__annotations__))
+    middle = {name: float(np.median([getattr(each, name) for each in found])) for name in ERRORS}
+    return Median(**middle, coverage=float(np.mean([each.coverage for each in found])))
 
 
 def _one(rig: Rig, htf: ltp.Htf) -> Median:
     errors = dict(zip(TESTS, rig.sweep(htf, TESTS), strict=True))
-    return Median(errors[1.0], errors[1 / 0.33], max(errors.values()), rig.step_error(htf), coverage(rig, htf))
+    one, pump, worst = errors[1.0], errors[1 / 0.33], max(errors.values())
+    return Median(float(one), float(pump), float(worst), rig.step_error(htf), coverage(rig, htf))
 
 
 def coverage(rig: Rig, htf: ltp.Htf) -> float:

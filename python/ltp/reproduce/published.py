@@ -97,33 +97,22 @@ def _gain(rig: Rig, errors: dict[int, np.ndarray]) -> float:
 
 
 def _offset(rig: Rig, pump: float) -> list[Row]:
-    """The paper's record with a limit cycle that is off, and what the rest at its end says about that."""
+    """The paper's record with a limit cycle that is off, and what the rest at its end says about that.
+
+    Nothing repeats with the clock there beside the mean: a constant bias of the output explains all of it.
+    """
     shifted = rig.chirps.plus(OFFSET)
     htf = siddiqi(rig, shifted, smoothness=TO_ZERO)
-    bias, ripple, sd = orbit_error(rig, shifted)
-    healed = siddiqi(rig, shifted.plus(-bias), smoothness=TO_ZERO)
+    (rest,) = ltp.rests(shifted.recording(), period=rig.period)
+    healed = siddiqi(rig, shifted.plus(-rest.bias), smoothness=TO_ZERO)
     return [
         Row("limit cycle off by 0.33 um: settled step", rig.step_error(htf), "%", "68 %", low=60.0, high=75.0),
         Row("  1/T", rig.sine_error(htf, pump), "%", "spike", low=10.0, high=14.0),
         Row("  1 Hz", rig.sine_error(htf, 1.0), "%", "3.3 %", low=2.5, high=4.0),
-        Row("  output_bias on h, estimated from the rest", bias, "m", low=0.99 * OFFSET, high=1.01 * OFFSET),
-        Row("  what varies over the period beside it", ripple, "m", high=0.01 * OFFSET),
-        Row("  standard error of both", sd, "m"),
+        Row("  output_bias on h, found where the input rests", rest.bias, "m", low=0.99 * OFFSET, high=1.01 * OFFSET),
+        Row("  what repeats with the clock beside it", rest.periodic, "m", high=0.01 * OFFSET),
         Row("  settled step with that bias removed", rig.step_error(healed), "%", low=15.0, high=22.0),
     ]
-
-
-def orbit_error(rig: Rig, record: Record) -> tuple[float, float, float]:
-    """Error of the limit cycle from the periods at the end without input: its mean, what varies (rms), standard error.
-
-    A deviation has died out there, so what is left is periodic, and is what the subtracted orbit was wrong by. When
-    nothing varies over the period, a constant bias on the output explains all of it.
-    """
-    periods = record.rest // 2  # the first half is left to the transient
-    folded = record.y[-periods * rig.per_period :].reshape(periods, rig.per_period)
-    mean = folded.mean(axis=0)
-    scatter = folded.std(axis=0, ddof=1).mean() / math.sqrt(periods)
-    return float(mean.mean()), float(mean.std()), float(scatter)
 
 
 def _draw_fit(rig: Rig, htf: ltp.Htf) -> Figure:

@@ -45,7 +45,6 @@ class Record:
     name: str
     u: Array
     y: Array
-    rest: int  # the last periods, in which the input is zero
 
     def recording(self) -> ltp.Recording:
         """The record as `identify` takes it: no model, no orbit, two columns."""
@@ -54,7 +53,7 @@ class Record:
 
     def plus(self, y: Array | float, u: Array | float = 0.0) -> Record:
         """The same experiment with something added to what was measured."""
-        return Record(self.name, self.u + u, self.y + y, self.rest)
+        return Record(self.name, self.u + u, self.y + y)
 
 
 class Rig:
@@ -95,10 +94,6 @@ class Rig:
         run = ltp.simulate(self.model, {"u_c": u}, t_end=n * DT, dt=DT, step=step, hold="cubic", strict=True)
         return run.outputs[:n, 0]
 
-    def record(self, name: str, u: Array, rest: int) -> Record:
-        """The experiment with this input; `rest` says how many periods at its end have none."""
-        return Record(name, u, self.deviation(u, len(u) // self.per_period), rest)
-
     @cached_property
     def chirps(self) -> Record:
         """The paper's record: 21 chirps of 20 s from 0 to 5 Hz, shifted by T/21, and rest up to 1400 periods."""
@@ -115,8 +110,7 @@ class Rig:
         u = signals.phase_shifted_chirps(
             self.period, band, duration, amplitude=AMPLITUDE, repetitions=21, t_end=(n - 1) * DT, dt=DT
         )
-        rest = periods - math.ceil(21 * duration / self.period)
-        return self.record(name, u, rest)
+        return Record(name, u, self.deviation(u, periods))
 
     @cached_property
     def flat(self) -> Record:
@@ -134,7 +128,7 @@ class Rig:
         u = found.samples(t_end=PERIODS * self.period - DT, dt=DT)
         settling = SETTLING * self.per_period
         y = self.deviation(np.concatenate([u[-settling:], u]), SETTLING + PERIODS)[settling:]
-        return Record("odd multisine" if weights is None else "odd multisine, shaped", u, y, 0)
+        return Record("odd multisine" if weights is None else "odd multisine, shaped", u, y)
 
     def estimate(self, record: Record, harmonics: int, *, keep: bool = True, **options: Any) -> ltp.Htf:
         """`ltp.identify` on a record with options of its own; with `keep`, the same question is answered once."""

@@ -138,7 +138,11 @@ fn cross_validate(
         warnings.push(format!(
             "cross-validation asks for a smoothness of 1e{} or beyond: {}",
             grid[best],
-            if best == 0 { "the response varies from line to line; record longer" } else { "nothing bends; the record says little" }
+            if best == 0 {
+                "the response varies from line to line; record longer"
+            } else {
+                "nothing bends; the record says little"
+            }
         ));
         return Ok(10_f64.powf(grid[best]));
     }
@@ -214,7 +218,8 @@ impl Answer<'_> {
                 for (fit, (variance, _)) in self.fits.iter().zip(&noise) {
                     for i in 0..axis.inputs {
                         let at = (harmonic + k) as usize * axis.inputs + i;
-                        let value = if out < 0 { fit.values[step * n + mirror[at]].conj() } else { fit.values[step * n + at] };
+                        let value =
+                            if out < 0 { fit.values[step * n + mirror[at]].conj() } else { fit.values[step * n + at] };
                         let own = if out < 0 { mirror[at] } else { at };
                         values.push(value / axis.scale[i]);
                         sd.push((self.variance(step, own) * variance[step]).sqrt() / axis.scale[i]);
@@ -222,10 +227,13 @@ impl Answer<'_> {
                 }
             }
         }
-        let coherence = (0..lines).flat_map(|b| noise.iter().map(move |(_, coherence)| coherence[axis.top - b])).collect();
+        let coherence =
+            (0..lines).flat_map(|b| noise.iter().map(move |(_, coherence)| coherence[axis.top - b])).collect();
         let size = (self.fits.len(), axis.inputs);
         let method = "least squares with a curvature penalty (Siddiqi 2001, Uyanik et al. 2015)";
-        Htf::new(self.spectra.period(), axis.harmonics, omega, size, values, method)?.with_sd(sd)?.with_coherence(coherence)
+        Htf::new(self.spectra.period(), axis.harmonics, omega, size, values, method)?
+            .with_sd(sd)?
+            .with_coherence(coherence)
     }
 
     /// Variance of unknown `i` for unit noise at a step, between the steps where it is known.
@@ -244,7 +252,8 @@ impl Answer<'_> {
     fn noise(&self, j: usize) -> (Vec<f64>, Vec<f64>) {
         let steps = self.axis.top + 1;
         let mut sums = vec![[0.0; 3]; steps + 1];
-        let rows = self.axis.steps().zip(&self.fits[j].residuals).zip(self.uncertainty.remaining.iter().zip(&self.data[j]));
+        let rows =
+            self.axis.steps().zip(&self.fits[j].residuals).zip(self.uncertainty.remaining.iter().zip(&self.data[j]));
         for ((step, residual), (free, y)) in rows {
             let values = [residual.norm_sqr(), free.max(0.0), y.norm_sqr()];
             (0..3).for_each(|i| sums[step + 1][i] += values[i]);

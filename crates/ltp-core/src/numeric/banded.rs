@@ -86,7 +86,8 @@ impl BandedHermitian {
             method: format!("Cholesky's factorization of a band (column {column} of {n})"),
             iterations: column,
             residual: f64::NAN,
-            advice: "the matrix is not positive definite to rounding: the data leave unknowns there undetermined".into(),
+            advice: "the matrix is not positive definite to rounding: the data leave unknowns there undetermined"
+                .into(),
         };
         down.map_err(wrong)?;
         up.map_err(|column| wrong(n - 1 - column))?;

@@ -153,7 +153,8 @@ mod tests {
             }
             let y: Vec<Complex> = (0..steps).map(|_| normal()).collect();
             for smoothness in [1e-4, 1.0, 1e6] {
-                let smooth = Smoother::new(&observations, smoothness, &End::Free).expect("good").solve(&y).expect("good");
+                let smooth =
+                    Smoother::new(&observations, smoothness, &End::Free).expect("good").solve(&y).expect("good");
                 let (x, _) = Penalised::new(&observations, smoothness).expect("good").solve(&y).expect("good");
                 let scale = x.iter().map(|v| v.norm()).fold(0.0, f64::max);
                 for (i, (a, b)) in x.iter().zip(&smooth.values).enumerate() {

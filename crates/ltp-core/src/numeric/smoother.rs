@@ -173,7 +173,11 @@ impl<'a> Smoother<'a> {
         let power = observations.power();
         if !(power > 0.0 && power.is_finite()) {
             let what = "mean square of the observed rows".into();
-            return Err(Error::OutOfRange { what, found: power, expected: "more than zero: nothing is excited".into() });
+            return Err(Error::OutOfRange {
+                what,
+                found: power,
+                expected: "more than zero: nothing is excited".into(),
+            });
         }
         let (noise, span) = (1.0 / smoothness, steps as f64);
         // no less than what the walk itself reaches over the whole axis
@@ -273,20 +277,21 @@ impl<'a> Smoother<'a> {
         let mut state = mean.clone();
         innovations.clear();
         Arch::new().dispatch(|| {
-        for t in 0..self.open_steps() {
-            seen(t, &state);
-            let [level, slope] = &mut state;
-            for r in self.observations.at(t) {
-                let innovation = y(r) - inner(self.observations.row(r), &level.data);
-                let (to_level, to_slope) = self.gain(r);
-                add(&mut level.data, innovation, to_level);
-                add(&mut slope.data, innovation, to_slope);
-                innovations.push(innovation);
+            for t in 0..self.open_steps() {
+                seen(t, &state);
+                let [level, slope] = &mut state;
+                for r in self.observations.at(t) {
+                    let innovation = y(r) - inner(self.observations.row(r), &level.data);
+                    let (to_level, to_slope) = self.gain(r);
+                    add(&mut level.data, innovation, to_level);
+                    add(&mut slope.data, innovation, to_slope);
+                    innovations.push(innovation);
+                }
+                if t + 1 < self.observations.steps() {
+                    level.data.iter_mut().zip(&slope.data).for_each(|(level, slope)| *level += slope);
+                }
             }
-            if t + 1 < self.observations.steps() {
-                level.data.iter_mut().zip(&slope.data).for_each(|(level, slope)| *level += slope);
-            }
-        }});
+        });
         state
     }
 
@@ -301,21 +306,22 @@ impl<'a> Smoother<'a> {
         let steps = self.observations.steps();
         let mut ahead = Vector::zero(self.observations.n);
         Arch::new().dispatch(|| {
-        for t in (0..self.open_steps()).rev() {
-            let [level, slope] = &mut pull;
-            if t + 1 < steps {
-                ahead.fill(&slope.data);
-                slope.data.iter_mut().zip(&level.data).for_each(|(slope, level)| *slope += level);
+            for t in (0..self.open_steps()).rev() {
+                let [level, slope] = &mut pull;
+                if t + 1 < steps {
+                    ahead.fill(&slope.data);
+                    slope.data.iter_mut().zip(&level.data).for_each(|(slope, level)| *slope += level);
+                }
+                for r in self.observations.at(t).rev() {
+                    let (to_level, to_slope) = self.gain(r);
+                    let answered = inner(to_level, &level.data) + inner(to_slope, &slope.data);
+                    let residual = innovations[r] / self.variances[r] - answered;
+                    add(&mut level.data, residual, self.observations.row(r));
+                    innovations[r] = residual;
+                }
+                seen(t, &pull, &ahead.data);
             }
-            for r in self.observations.at(t).rev() {
-                let (to_level, to_slope) = self.gain(r);
-                let answered = inner(to_level, &level.data) + inner(to_slope, &slope.data);
-                let residual = innovations[r] / self.variances[r] - answered;
-                add(&mut level.data, residual, self.observations.row(r));
-                innovations[r] = residual;
-            }
-            seen(t, &pull, &ahead.data);
-        }});
+        });
         pull
     }
 
@@ -347,7 +353,8 @@ impl<'a> Smoother<'a> {
             }
             out
         };
-        let dot = |a: &[Vector; 2], b: &[Vector; 2]| inner(&a[0].data, &b[0].data).re + inner(&a[1].data, &b[1].data).re;
+        let dot =
+            |a: &[Vector; 2], b: &[Vector; 2]| inner(&a[0].data, &b[0].data).re + inner(&a[1].data, &b[1].data).re;
         let mut rest = self.prior_pull(|r| y[r], &mean, work);
         let mut direction = weigh(&rest);
         let mut size = dot(&rest, &direction);

@@ -22,9 +22,8 @@ fn scattered(n: usize, steps: usize, seed: u64) -> Problem {
 /// `-top..=top` descending; a real system's data.
 fn harmonics(top: i64, seed: u64) -> Problem {
     let mut random = SplitMix64::new(seed);
-    let mut lines: Vec<Complex> = (0..=top + 50)
-        .map(|i| normal(&mut random) * if i <= 40 { 1.0 } else { 3e-3 })
-        .collect();
+    let mut lines: Vec<Complex> =
+        (0..=top + 50).map(|i| normal(&mut random) * if i <= 40 { 1.0 } else { 3e-3 }).collect();
     lines[0].im = 0.0;
     let line = |i: i64| if i < 0 { lines[-i as usize].conj() } else { lines[i as usize] };
     let mut data: Vec<Complex> = (0..=top).map(|_| normal(&mut random)).collect();

@@ -50,7 +50,8 @@ pub(super) fn inner(a: &[f64], b: &[f64]) -> Complex {
     let stride = a.len() / 2;
     let ((ar, ai), (br, bi)) = (a.split_at(stride), b.split_at(stride));
     let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
-    let rows = ar.chunks_exact(LANES).zip(ai.chunks_exact(LANES)).zip(br.chunks_exact(LANES).zip(bi.chunks_exact(LANES)));
+    let rows =
+        ar.chunks_exact(LANES).zip(ai.chunks_exact(LANES)).zip(br.chunks_exact(LANES).zip(bi.chunks_exact(LANES)));
     for ((ar, ai), (br, bi)) in rows {
         for l in 0..LANES {
             re[l] += ar[l] * br[l] + ai[l] * bi[l];
@@ -143,24 +144,43 @@ impl Blocks {
 
     /// Level and slope halves of `M (u, 0)`.
     pub(super) fn times_level(&self, u: &Vector, level: &mut Vector, slope: &mut Vector) {
-        Arch::new().dispatch(Times { blocks: self, rows: [(0, &u.data), (4, &[])], level: &mut level.data, slope: &mut slope.data });
+        Arch::new().dispatch(Times {
+            blocks: self,
+            rows: [(0, &u.data), (4, &[])],
+            level: &mut level.data,
+            slope: &mut slope.data,
+        });
     }
 
     /// Level and slope halves of `M (x, y)`.
     pub(super) fn times(&self, x: &Vector, y: &Vector, level: &mut Vector, slope: &mut Vector) {
-        Arch::new().dispatch(Times { blocks: self, rows: [(0, &x.data), (4, &y.data)], level: &mut level.data, slope: &mut slope.data });
+        Arch::new().dispatch(Times {
+            blocks: self,
+            rows: [(0, &x.data), (4, &y.data)],
+            level: &mut level.data,
+            slope: &mut slope.data,
+        });
     }
 
     /// `M -= g g^H` with `g` = (`level`, `slope`).
     pub(super) fn subtract(&mut self, level: &Vector, slope: &Vector) {
-        Arch::new().dispatch(Advance::<false, true> { blocks: self, level: &level.data, slope: &slope.data, noise: 0.0 });
+        Arch::new().dispatch(Advance::<false, true> {
+            blocks: self,
+            level: &level.data,
+            slope: &slope.data,
+            noise: 0.0,
+        });
     }
 
     /// One step of the walk, `M <- T M T^H + diag(0, noise)` with `T`: level += slope; then `M -= g g^H` if there is a `g`.
     pub(super) fn advance(&mut self, g: Option<(&Vector, &Vector)>, noise: f64) {
         match g {
-            Some((level, slope)) => Arch::new()
-                .dispatch(Advance::<true, true> { blocks: self, level: &level.data, slope: &slope.data, noise }),
+            Some((level, slope)) => Arch::new().dispatch(Advance::<true, true> {
+                blocks: self,
+                level: &level.data,
+                slope: &slope.data,
+                noise,
+            }),
             None => Arch::new().dispatch(Advance::<true, false> { blocks: self, level: &[], slope: &[], noise }),
         }
     }
@@ -372,7 +392,13 @@ impl WithSimd for Retreat<'_> {
 
 /// `row[at..] -= x conj(v[c..])`, for one vector of real and (a `stride` further) imaginary parts.
 #[inline(always)]
-fn take<S: Simd>(simd: S, row: &mut [f64], (at, stride): (usize, usize), x: (S::f64s, S::f64s), (v, c): (&[f64], usize)) {
+fn take<S: Simd>(
+    simd: S,
+    row: &mut [f64],
+    (at, stride): (usize, usize),
+    x: (S::f64s, S::f64s),
+    (v, c): (&[f64], usize),
+) {
     let (vr, vi) = (load::<S>(v, c), load::<S>(v, stride + c));
     let (re, im) = (load::<S>(row, at), load::<S>(row, at + stride));
     store::<S>(row, at, simd.negate_mul_add_e_f64s(x.1, vi, simd.negate_mul_add_e_f64s(x.0, vr, re)));

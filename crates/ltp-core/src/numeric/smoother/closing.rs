@@ -36,7 +36,8 @@ impl Closing {
     /// `NoConvergence` when the covariance is no longer one.
     pub(super) fn new(state: &Blocks, mirror: &[usize], noise: f64, rows: &[Vector]) -> Result<Self> {
         let n = mirror.len();
-        let column = |kind: usize, i: usize, part: Part| kind * n + i + if matches!(part, Part::Im) { 2 * n } else { 0 };
+        let column =
+            |kind: usize, i: usize, part: Part| kind * n + i + if matches!(part, Part::Im) { 2 * n } else { 0 };
         let mut conditions = Vec::new();
         let mut variances = Vec::new();
         for (i, row) in rows.iter().enumerate() {

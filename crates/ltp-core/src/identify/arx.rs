@@ -7,7 +7,8 @@
 //! where `u_l[i]` is the mean of the input samples from `i - l q` to `i - (l-1) q - 1`: held input (zero order), because under
 //! feedback a sample of the input at `i` already answers the noise in `y[i]`. `c` carries the orbit with `offset`
 //! harmonics, `A` and `B` have `harmonics` of them: 0 makes the linear time-invariant model around the orbit. No row
-//! reaches across an event, so that jumps of velocity are neither fitted nor smeared.
+//! reaches across an event, so that jumps of velocity are neither fitted nor smeared. A free run with spacing `q` is `q`
+//! interleaved runs, each from measured samples of its own: where those are noisy it shows a ripple of that period.
 //!
 //! The estimate is least squares (a direct prediction-error method, consistent under feedback when the lags take up the
 //! noise's colour and the loop has a delay or an excitation of its own; L. Ljung, *System Identification*, 2nd ed., 13.4). Its
@@ -147,6 +148,9 @@ impl<'a> Parts<'a> {
         let channels = Channels::new(recording, options)?;
         let (of_cycle, groups) = phase.groups();
         let unknowns = options.unknowns();
+        let inside = |s: &Segment| s.rows(recording.t()).len().saturating_sub(options.start_up());
+        // Before any triangle is made: its size is the square of the unknowns.
+        enough(recording, phase.segments().iter().map(inside).sum(), unknowns)?;
         let mut triangles = vec![vec![RowQr::new(unknowns); options.outputs.len()]; groups];
         let mut rows = vec![0; groups];
         let (mut regressors, mut row) = (vec![0.0; options.width()], vec![0.0; unknowns]);
@@ -171,13 +175,7 @@ impl<'a> Parts<'a> {
         let (options, groups) = (self.options, self.triangles.len());
         let chosen: Vec<usize> = (0..groups).filter(|g| Some(*g) != left_out).collect();
         let (rows, unknowns) = (chosen.iter().map(|g| self.rows[*g]).sum::<usize>(), options.unknowns());
-        if rows < 3 * unknowns {
-            let what = format!(
-                "rows for {unknowns} unknowns of a periodic ARX on `{}` (fewer harmonics or lags need fewer)",
-                recording.name()
-            );
-            return Err(Error::TooShort { what, needed: 3 * unknowns, found: rows });
-        }
+        enough(recording, rows, unknowns)?;
         let (theta, squares) = self.solve(&chosen).ok_or_else(|| Error::NoConvergence {
             method: "periodic ARX by least squares".into(),
             iterations: 1,
@@ -231,6 +229,16 @@ impl<'a> Parts<'a> {
     pub(super) fn channels(&self) -> &Channels {
         &self.channels
     }
+}
+
+/// Whether the rows are at least three per unknown.
+fn enough(recording: &Recording, rows: usize, unknowns: usize) -> Result<()> {
+    if rows >= 3 * unknowns {
+        return Ok(());
+    }
+    let few = "fewer harmonics or lags need fewer";
+    let what = format!("rows for {unknowns} unknowns of a periodic ARX on `{}` ({few})", recording.name());
+    Err(Error::TooShort { what, needed: 3 * unknowns, found: rows })
 }
 
 fn usual(phase: &Phase, part: usize) -> f64 {

@@ -156,15 +156,15 @@ pub fn identify_map(recording: &Recording, phase: &Phase, options: &Options) -> 
     // Unit spread for every coordinate: the errors of all of them are then summed in one currency.
     let scale: Vec<f64> = (0..d).map(|j| stats::std(pairs.iter().map(|p| state(p.to)[j]))).collect();
     let scaled: Vec<f64> = states.iter().enumerate().map(|(i, v)| v / scale[i % d]).collect();
-    let fit = |chosen: &mut dyn Iterator<Item = &Pair>| solve(chosen, &scaled, d, options.intercept);
+    let fit = |chosen: &[&Pair]| solve(chosen, &scaled, d, options.intercept);
     let singular = || Error::NoConvergence {
         method: "section map by least squares".into(),
         iterations: 1,
         residual: f64::NAN,
         advice: "the coordinates depend on each other at this phase; leave one out".into(),
     };
-    let map = fit(&mut pairs.iter()).ok_or_else(singular)?;
-    let drawn = draw(&pairs, groups, options, &fit);
+    let map = fit(&pairs.iter().collect::<Vec<_>>()).ok_or_else(singular)?;
+    let drawn = draw(&pairs, groups, options, fit);
     let spectra: Vec<Vec<Complex>> = drawn.iter().map(eigenvalues).collect();
     let band = |rank: usize| {
         let sizes: Vec<f64> = spectra.iter().map(|s| s[rank].norm()).collect();
@@ -224,13 +224,7 @@ fn parabola(recording: &Recording, samples: &[f64], window: Range<usize>, time: 
 }
 
 /// `A` of the pairs by least squares; with an intercept per run, from deviations from the run's means.
-fn solve<'a>(
-    pairs: &mut dyn Iterator<Item = &'a Pair>,
-    states: &[f64],
-    d: usize,
-    intercept: Intercept,
-) -> Option<DMatrix<f64>> {
-    let pairs: Vec<&Pair> = pairs.collect();
+fn solve(pairs: &[&Pair], states: &[f64], d: usize, intercept: Intercept) -> Option<DMatrix<f64>> {
     let key = |p: &Pair| if intercept == Intercept::PerRun { p.run } else { 0 };
     let mut keys: Vec<usize> = pairs.iter().map(|p| key(p)).collect();
     keys.sort_unstable();
@@ -260,24 +254,24 @@ fn solve<'a>(
 }
 
 /// Maps of drawn data: whole runs where they are the groups, single pairs where one long run was cut.
-fn draw<'a>(
-    pairs: &'a [Pair],
+fn draw(
+    pairs: &[Pair],
     groups: usize,
     options: &Options,
-    fit: &dyn Fn(&mut dyn Iterator<Item = &'a Pair>) -> Option<DMatrix<f64>>,
+    fit: impl Fn(&[&Pair]) -> Option<DMatrix<f64>>,
 ) -> Vec<DMatrix<f64>> {
     let mut random = SplitMix64::new(options.seed);
     let by_run = pairs.windows(2).all(|w| (w[0].run == w[1].run) == (w[0].group == w[1].group));
     let mut members: Vec<Vec<&Pair>> = vec![Vec::new(); groups];
     pairs.iter().for_each(|p| members[p.group].push(p));
-    let one = |random: &mut SplitMix64| -> Vec<&'a Pair> {
+    let one = |random: &mut SplitMix64| -> Vec<&Pair> {
         if by_run {
             (0..groups).flat_map(|_| members[random.below(groups)].iter().copied()).collect()
         } else {
             (0..pairs.len()).map(|_| &pairs[random.below(pairs.len())]).collect()
         }
     };
-    (0..options.draws).filter_map(|_| fit(&mut one(&mut random).into_iter())).collect()
+    (0..options.draws).filter_map(|_| fit(&one(&mut random))).collect()
 }
 
 /// Eigenvalues, largest magnitude first.
@@ -295,9 +289,9 @@ fn eigenvalues(map: &DMatrix<f64>) -> Vec<Complex> {
 fn judge(pairs: &[Pair], states: &[f64], d: usize, groups: usize, options: &Options) -> (Ratio, Ratio) {
     let (mut mean_sums, mut previous_sums) = (vec![(0.0, 0.0); groups], vec![(0.0, 0.0); groups]);
     for group in 0..groups {
-        let others = || pairs.iter().filter(|p| p.group != group);
-        let Some(map) = solve(&mut others(), states, d, options.intercept) else { continue };
-        let mean = |at: fn(&Pair) -> usize, j: usize| stats::mean(others().map(|p| states[at(p) * d + j]));
+        let others: Vec<&Pair> = pairs.iter().filter(|p| p.group != group).collect();
+        let Some(map) = solve(&others, states, d, options.intercept) else { continue };
+        let mean = |at: fn(&Pair) -> usize, j: usize| stats::mean(others.iter().map(|p| states[at(p) * d + j]));
         let common: (Vec<f64>, Vec<f64>) = (0..d).map(|j| (mean(|p| p.from, j), mean(|p| p.to, j))).unzip();
         for p in pairs.iter().filter(|p| p.group == group) {
             let so_far: Vec<usize> =

@@ -23,8 +23,8 @@ pub struct Prediction {
 }
 
 impl Htf {
-    /// `H_k(j omega)` from input `u` to output `y`, for any sign of `omega` (rad/s) and `k`; zero beyond the grid and for
-    /// harmonics that are not there.
+    /// `H_k(j omega)` from input `u` to output `y`, for any sign of `omega` (rad/s) and `k`; zero more than one spacing beyond
+    /// the grid, and for harmonics that are not there.
     ///
     /// Between grid frequencies a polynomial through the six nearest values interpolates; across zero, through the values
     /// that a real system has at negative frequencies.
@@ -38,8 +38,9 @@ impl Htf {
         let grid = self.omega();
         let n = grid.len();
         let last = grid[n - 1];
-        // A frequency on the last line may miss it by rounding.
-        if omega > last * (1.0 + 1e-12) + 1e-300 {
+        // A band that ends between two lines of a record ends up to one spacing above the last of them.
+        let beyond = if n > 1 { last - grid[n - 2] } else { 0.0 };
+        if omega > last + beyond {
             return Complex::new(0.0, 0.0);
         }
         let above = grid.partition_point(|w| *w < omega);

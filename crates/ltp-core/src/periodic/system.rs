@@ -110,7 +110,7 @@ impl LtpSystem {
                 check(&format!("jump `{}`: E", jump.name), &jump.input, nx * nu)?;
             }
         }
-        if !(period > 0.0) || (end - start - period).abs() > 1e-9 * period {
+        if period.is_nan() || period <= 0.0 || (end - start - period).abs() > 1e-9 * period {
             let expected = format!("the period {period} s; segments fill the period in order");
             return Err(Error::OutOfRange { what: "length of all segments".into(), found: end - start, expected });
         }

@@ -4,19 +4,23 @@
 //! bounds. Around it stand what noisy records need ([`spectrum`], [`whiten`], [`stats`], [`regression`]),
 //! interpolation ([`spline`]), bracketed roots ([`root`]), a Runge-Kutta method as data ([`tableau`]) and a reproducible
 //! random sequence ([`rng`]). [`fft`] decides how Fourier transforms are scaled, [`chirp_z`] takes their lines at any other
-//! spacing, [`gauss`] carries collocation, [`eigen`] finds eigenvalues.
+//! spacing, [`gauss`] carries collocation, [`eigen`] finds eigenvalues. [`smoother`] fits unknowns that bend little along an
+//! axis; [`penalised`] does the same through one [`banded`] system.
 
+pub mod banded;
 pub mod chirp_z;
 pub mod eigen;
 pub mod fft;
 pub mod folded;
 pub mod gauss;
 pub mod lsq;
+pub mod penalised;
 pub mod quartic;
 pub mod regression;
 pub mod rng;
 pub mod root;
 pub mod rows;
+pub mod smoother;
 pub mod spectrum;
 pub mod spline;
 pub mod stats;

@@ -1,0 +1,547 @@
+//! Penalised least squares along an axis, solved as a Kalman smoother.
+//!
+//! The unknowns are `n` complex numbers `x_t` at each of N steps, and [`Smoother`] minimises
+//!
+//! `sum_rows |y - u^T x_t|^2 + smoothness sum_t |x_(t+1) - 2 x_t + x_(t-1)|^2`
+//!
+//! with any number of rows at each step. The penalty is the prior of an integrated random walk (level and slope, the slope
+//! moved by noise of variance `1/smoothness`) whose start is unknown, and the rows are its observations with unit noise. So
+//! one forward pass over 2n x 2n covariances gives gains, at O(n^2) per row instead of the banded factorization's O(n^3), and
+//! further passes over vectors give the minimiser for any data, in memory O(N n).
+//!
+//! * The start is diffuse in effect, not in the arithmetic: the forward pass starts from a finite prior, and conjugate
+//!   gradients then find the prior mean that no longer pulls (the minimiser of the sum above, to rounding).
+//! * At a checkpoint every few steps the covariance is kept: the minimiser is summed up from there over a few steps only, and
+//!   its variances stand there.
+//! * A sweep may end at the mirror of the axis ([`End::Mirror`]), which halves it for real systems.
+//!
+//! References: J. Durbin and S. J. Koopman, *Time Series Analysis by State Space Methods*, 2nd ed., Oxford 2012, sections 4.4
+//! to 4.7 (disturbance smoother, covariances) and 5 (diffuse start); P. De Jong, Biometrika 75 (1988) 594-600 (leverages);
+//! G. Wahba, *Spline Models for Observational Data*, SIAM 1990, chapters 1 and 4 (spline smoothing, cross-validation).
+
+mod blocks;
+mod closing;
+
+use super::Complex;
+use crate::error::{Error, Result};
+use blocks::{Blocks, Vector, add, inner, padded};
+use closing::Closing;
+use pulp::Arch;
+
+/// The prior variance of the level, at least: in variances of the walk's steps, and of an unknown seen by one row. (Wider
+/// priors cost digits, narrower ones passes.)
+const WIDE: [f64; 2] = [1e6, 1e6];
+/// The share of a predicted variance below which what remains of it is rounding.
+const VOUCHED: f64 = 1e-10;
+/// Conjugate gradients stop at this relative pull of the prior, or after so many passes.
+const PULL: f64 = 1e-10;
+const PASSES: usize = 40;
+
+/// Rows of the observations, step by step.
+#[derive(Clone)]
+pub struct Observations {
+    n: usize,
+    /// First row of each step, and the number of rows.
+    first: Vec<usize>,
+    /// Real parts, then imaginary parts, of each row's conjugate; padded.
+    rows: Vec<f64>,
+    power: f64,
+}
+
+impl Observations {
+    /// No steps yet, of `n` unknowns each.
+    pub fn new(n: usize) -> Self {
+        Self { n, first: vec![0], rows: Vec::new(), power: 0.0 }
+    }
+
+    /// Adds a step with these rows (each of `n` coefficients `u` of `y = u^T x`); a step without rows is a gap.
+    pub fn step<'a>(&mut self, rows: impl IntoIterator<Item = &'a [Complex]>) {
+        let stride = padded(self.n);
+        for row in rows {
+            debug_assert_eq!(row.len(), self.n);
+            let at = self.rows.len();
+            self.rows.resize(at + 2 * stride, 0.0);
+            for (i, u) in row.iter().enumerate() {
+                self.rows[at + i] = u.re;
+                self.rows[at + stride + i] = -u.im;
+                self.power += u.norm_sqr();
+            }
+        }
+        self.first.push(self.rows.len() / (2 * stride));
+    }
+
+    /// Number of unknowns at each step.
+    pub fn unknowns(&self) -> usize {
+        self.n
+    }
+    /// Number of steps.
+    pub fn steps(&self) -> usize {
+        self.first.len() - 1
+    }
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.first[self.steps()]
+    }
+    /// Mean over the rows of `|u|^2`.
+    pub fn power(&self) -> f64 {
+        self.power / self.rows().max(1) as f64
+    }
+
+    /// Rows of step `t`.
+    pub fn at(&self, t: usize) -> std::ops::Range<usize> {
+        self.first[t]..self.first[t + 1]
+    }
+
+    /// Coefficient of unknown `i` in row `r`.
+    pub fn coefficient(&self, r: usize, i: usize) -> Complex {
+        let row = self.row(r);
+        Complex::new(row[i], -row[row.len() / 2 + i])
+    }
+
+    fn row(&self, r: usize) -> &[f64] {
+        let width = 2 * padded(self.n);
+        &self.rows[r * width..(r + 1) * width]
+    }
+
+    fn vector(&self, r: usize) -> Vector {
+        Vector { stride: padded(self.n), data: self.row(r).to_vec() }
+    }
+}
+
+/// What lies beyond the last step.
+#[derive(Clone, Debug, PartialEq)]
+pub enum End {
+    /// Nothing.
+    Free,
+    /// The same axis again, mirrored at the last step: unknown `i` mirrored is the conjugate of unknown `mirror[i]`, an
+    /// involution. Data of the last step count by their real part, as they are their own mirror images.
+    Mirror(Vec<usize>),
+}
+
+/// The minimiser for one set of data.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Unknowns (steps, n).
+    pub values: Vec<Complex>,
+    /// `y - u^T x` (rows).
+    pub residuals: Vec<Complex>,
+    /// Passes over the data that the start took.
+    pub passes: usize,
+}
+
+/// What the data leave open, whatever their values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Uncertainty {
+    /// One minus the leverage, of each row: the share of noise in it that stays in its residual.
+    pub remaining: Vec<f64>,
+    /// Steps at which the variances stand, increasing.
+    pub steps: Vec<usize>,
+    /// Variance of each unknown for unit noise, `E |estimate - truth|^2`, (steps of the field above, n).
+    pub variances: Vec<f64>,
+}
+
+/// Gains of the forward pass, to be used for any data.
+pub struct Smoother<'a> {
+    observations: &'a Observations,
+    noise: f64,
+    /// Prior variance of the level and of the slope.
+    prior: [f64; 2],
+    /// Of each row: gain of the level, gain of the slope, padded.
+    gains: Vec<f64>,
+    /// Of each row: variance of its innovation.
+    variances: Vec<f64>,
+    every: usize,
+    checkpoints: Vec<f64>,
+    closing: Option<(Blocks, Closing)>,
+}
+
+impl<'a> Smoother<'a> {
+    /// The forward pass for these rows and this penalty.
+    ///
+    /// # Errors
+    /// `OutOfRange` for a smoothness that is not positive or rows that are all zero, `TooShort` for fewer than three steps,
+    /// `Shape` for a mirror of another length, `NoConvergence` when the covariance loses its sign.
+    pub fn new(observations: &'a Observations, smoothness: f64, end: &End) -> Result<Self> {
+        let (n, steps) = (observations.n, observations.steps());
+        if !(smoothness > 0.0 && smoothness.is_finite()) {
+            let (what, expected) = ("smoothness".into(), "a positive, finite number".into());
+            return Err(Error::OutOfRange { what, found: smoothness, expected });
+        }
+        if steps < 3 {
+            return Err(Error::TooShort { what: "the axis to smooth along".into(), needed: 3, found: steps });
+        }
+        let power = observations.power();
+        if !(power > 0.0 && power.is_finite()) {
+            let what = "mean square of the observed rows".into();
+            return Err(Error::OutOfRange {
+                what,
+                found: power,
+                expected: "more than zero: nothing is excited".into(),
+            });
+        }
+        let (noise, span) = (1.0 / smoothness, steps as f64);
+        // no less than what the walk itself reaches over the whole axis
+        let level = noise * WIDE[0].max(span.powi(3) / 3.0) + WIDE[1] / power;
+        let prior = [level, 3.0 * level / (span * span)];
+        let rows = observations.rows();
+        let mut smoother = Self {
+            observations,
+            noise,
+            prior,
+            gains: Vec::with_capacity(rows * 4 * padded(n)),
+            variances: Vec::with_capacity(rows),
+            every: (3 * n).div_ceil(2),
+            checkpoints: Vec::new(),
+            closing: None,
+        };
+        smoother.forward(end)?;
+        Ok(smoother)
+    }
+
+    fn forward(&mut self, end: &End) -> Result<()> {
+        let obs = self.observations;
+        let (n, last) = (obs.n, obs.steps() - 1);
+        let mirrored = matches!(end, End::Mirror(_));
+        let mut state = Blocks::diagonal(n, self.prior[0], self.prior[1]);
+        let [mut h, mut level, mut slope] = [Vector::zero(n), Vector::zero(n), Vector::zero(n)];
+        self.checkpoints.reserve(Blocks::packed(n) * obs.steps().div_ceil(self.every));
+        for t in 0..=last {
+            if t % self.every == 0 {
+                state.symmetrise();
+                state.pack(&mut self.checkpoints);
+            }
+            if t == last && mirrored {
+                break;
+            }
+            // the step to zero frequency is taken without noise: what is known of the second difference there is the mirror's
+            let noise = if mirrored && t + 1 == last { 0.0 } else { self.noise };
+            let rows = obs.at(t);
+            let mut pending = false;
+            for r in rows.clone() {
+                h.fill(obs.row(r));
+                state.times_level(&h, &mut level, &mut slope);
+                let variance = 1.0 + inner(&h.data, &level.data).re;
+                if !(variance >= 1.0 && variance.is_finite()) {
+                    return Err(lost(t, variance));
+                }
+                let gain = 1.0 / variance;
+                self.gains.extend(level.data.iter().chain(&slope.data).map(|v| v * gain));
+                self.variances.push(variance);
+                let root = gain.sqrt();
+                level.data.iter_mut().chain(&mut slope.data).for_each(|v| *v *= root);
+                pending = r + 1 == rows.end;
+                if !pending {
+                    state.subtract(&level, &slope);
+                }
+            }
+            if t < last {
+                level.data.iter_mut().zip(&slope.data).for_each(|(level, slope)| *level += slope);
+                state.advance(pending.then_some((&level, &slope)), noise);
+            }
+        }
+        if let End::Mirror(mirror) = end {
+            if mirror.len() != n {
+                let what = "mirror of the unknowns".into();
+                return Err(Error::Shape { what, expected: n, found: mirror.len() });
+            }
+            let rows: Vec<Vector> = obs.at(last).map(|r| obs.vector(r)).map(conjugate).collect();
+            let closing = Closing::new(&state, mirror, self.noise, &rows)?;
+            self.closing = Some((state, closing));
+        }
+        Ok(())
+    }
+
+    fn gain(&self, r: usize) -> (&[f64], &[f64]) {
+        let width = 2 * padded(self.observations.n);
+        self.gains[2 * r * width..2 * (r + 1) * width].split_at(width)
+    }
+
+    fn checkpoint(&self, index: usize) -> Blocks {
+        let size = Blocks::packed(self.observations.n);
+        Blocks::unpack(self.observations.n, &self.checkpoints[index * size..(index + 1) * size])
+    }
+
+    /// Steps with gains: all, or all but the mirror's.
+    fn open_steps(&self) -> usize {
+        self.observations.steps() - usize::from(self.closing.is_some())
+    }
+
+    /// Innovations of all rows from this prior mean; calls `seen` with the predicted state at each step.
+    fn innovations(
+        &self,
+        y: impl Fn(usize) -> Complex,
+        mean: &[Vector; 2],
+        innovations: &mut Vec<Complex>,
+        mut seen: impl FnMut(usize, &[Vector; 2]),
+    ) -> [Vector; 2] {
+        let mut state = mean.clone();
+        innovations.clear();
+        Arch::new().dispatch(|| {
+            for t in 0..self.open_steps() {
+                seen(t, &state);
+                let [level, slope] = &mut state;
+                for r in self.observations.at(t) {
+                    let innovation = y(r) - inner(self.observations.row(r), &level.data);
+                    let (to_level, to_slope) = self.gain(r);
+                    add(&mut level.data, innovation, to_level);
+                    add(&mut slope.data, innovation, to_slope);
+                    innovations.push(innovation);
+                }
+                if t + 1 < self.observations.steps() {
+                    level.data.iter_mut().zip(&slope.data).for_each(|(level, slope)| *level += slope);
+                }
+            }
+        });
+        state
+    }
+
+    /// Backward from `pull` at the end; innovations become residuals; calls `seen` with each step's pull and the slope's pull
+    /// on the way into the next step. Returns the pull of the prior.
+    fn backward(
+        &self,
+        mut pull: [Vector; 2],
+        innovations: &mut [Complex],
+        mut seen: impl FnMut(usize, &[Vector; 2], &[f64]),
+    ) -> [Vector; 2] {
+        let steps = self.observations.steps();
+        let mut ahead = Vector::zero(self.observations.n);
+        Arch::new().dispatch(|| {
+            for t in (0..self.open_steps()).rev() {
+                let [level, slope] = &mut pull;
+                if t + 1 < steps {
+                    ahead.fill(&slope.data);
+                    slope.data.iter_mut().zip(&level.data).for_each(|(slope, level)| *slope += level);
+                }
+                for r in self.observations.at(t).rev() {
+                    let (to_level, to_slope) = self.gain(r);
+                    let answered = inner(to_level, &level.data) + inner(to_slope, &slope.data);
+                    let residual = innovations[r] / self.variances[r] - answered;
+                    add(&mut level.data, residual, self.observations.row(r));
+                    innovations[r] = residual;
+                }
+                seen(t, &pull, &ahead.data);
+            }
+        });
+        pull
+    }
+
+    fn end_pull(&self, state: &[Vector; 2], y: impl Fn(usize) -> Complex) -> [Vector; 2] {
+        let zero = || Vector::zero(self.observations.n);
+        match &self.closing {
+            Some((_, closing)) => {
+                let rows = self.observations.at(self.observations.steps() - 1);
+                closing.pull(&state[0], &state[1], rows.map(y))
+            }
+            None => [zero(), zero()],
+        }
+    }
+
+    /// What the prior pulls when its mean is `mean`.
+    fn prior_pull(&self, y: impl Fn(usize) -> Complex, mean: &[Vector; 2], work: &mut Vec<Complex>) -> [Vector; 2] {
+        let state = self.innovations(&y, mean, work, |_, _| ());
+        self.backward(self.end_pull(&state, y), work, |_, _, _| ())
+    }
+
+    /// The mean at which the prior no longer pulls, by conjugate gradients, and the passes spent.
+    fn diffuse_mean(&self, y: &[Complex], work: &mut Vec<Complex>) -> ([Vector; 2], usize) {
+        let n = self.observations.n;
+        let mut mean = [Vector::zero(n), Vector::zero(n)];
+        let weigh = |r: &[Vector; 2]| {
+            let mut out = r.clone();
+            for (v, prior) in out.iter_mut().zip(self.prior) {
+                v.data.iter_mut().for_each(|v| *v *= prior);
+            }
+            out
+        };
+        let dot =
+            |a: &[Vector; 2], b: &[Vector; 2]| inner(&a[0].data, &b[0].data).re + inner(&a[1].data, &b[1].data).re;
+        let mut rest = self.prior_pull(|r| y[r], &mean, work);
+        let mut direction = weigh(&rest);
+        let mut size = dot(&rest, &direction);
+        let goal = size * PULL * PULL;
+        let mut passes = 1;
+        while size > goal && passes < PASSES {
+            passes += 1;
+            // the pull is affine in the mean: minus its linear part is the curvature
+            let curved = self.prior_pull(|_| Complex::new(0.0, 0.0), &direction, work);
+            let along = -dot(&direction, &curved);
+            if !(along > 0.0) {
+                break;
+            }
+            let step = Complex::new(size / along, 0.0);
+            for half in 0..2 {
+                add(&mut mean[half].data, step, &direction[half].data);
+                add(&mut rest[half].data, step, &curved[half].data);
+            }
+            let weighed = weigh(&rest);
+            let next = dot(&rest, &weighed);
+            let turn = Complex::new(next / size, 0.0);
+            for (direction, weighed) in direction.iter_mut().zip(weighed) {
+                let old = std::mem::replace(direction, weighed);
+                add(&mut direction.data, turn, &old.data);
+            }
+            size = next;
+        }
+        (mean, passes)
+    }
+
+    /// The minimiser for these data (rows).
+    ///
+    /// # Errors
+    /// `Shape`.
+    pub fn solve(&self, y: &[Complex]) -> Result<Estimate> {
+        let obs = self.observations;
+        if y.len() != obs.rows() {
+            return Err(Error::Shape { what: "data of the smoother".into(), expected: obs.rows(), found: y.len() });
+        }
+        let (n, steps, open) = (obs.n, obs.steps(), self.open_steps());
+        let mut work = Vec::with_capacity(obs.rows());
+        let (mean, passes) = self.diffuse_mean(y, &mut work);
+
+        let mut predicted = Vec::new();
+        let state = self.innovations(
+            |r| y[r],
+            &mean,
+            &mut work,
+            |t, state| {
+                if t % self.every == 0 {
+                    predicted.push(state.clone());
+                }
+            },
+        );
+        let pull = self.end_pull(&state, |r| y[r]);
+        let mut values = vec![Complex::new(0.0, 0.0); steps * n];
+        let width = 2 * padded(n);
+        let mut ahead = vec![0.0; self.every * width];
+        if let Some((covariance, _)) = &self.closing {
+            let [level, _] = moved(covariance, &state, &pull);
+            (0..n).for_each(|i| values[open * n + i] = level.get(i));
+        }
+        self.backward(pull, &mut work, |t, pull, slope| {
+            let at = t % self.every;
+            ahead[at * width..(at + 1) * width].copy_from_slice(slope);
+            if at > 0 {
+                return;
+            }
+            let index = t / self.every;
+            let [mut level, mut slope] = moved(&self.checkpoint(index), &predicted[index], pull);
+            for (step, ahead) in ahead.chunks_exact(width).enumerate().take(open - t) {
+                (0..n).for_each(|i| values[(t + step) * n + i] = level.get(i));
+                add(&mut level.data, Complex::new(1.0, 0.0), &slope.data);
+                add(&mut slope.data, Complex::new(self.noise, 0.0), ahead);
+            }
+        });
+        if self.closing.is_some() {
+            for r in obs.at(open) {
+                let fitted: Complex = (0..n).map(|i| obs.vector(r).get(i).conj() * values[open * n + i]).sum();
+                work.push(y[r] - fitted);
+            }
+        }
+        Ok(Estimate { values, residuals: work, passes })
+    }
+
+    /// Leverages of all rows, and variances at the checkpoints, from one backward pass.
+    ///
+    /// They are those of the finite [`Self::prior`], which is felt only where the data say next to nothing.
+    pub fn uncertainty(&self) -> Uncertainty {
+        let obs = self.observations;
+        let (n, open) = (obs.n, self.open_steps());
+        let mut remaining = vec![0.0; obs.rows()];
+        let (mut steps, mut variances) = (Vec::new(), Vec::new());
+        let mut information = Blocks::diagonal(n, 0.0, 0.0);
+        if let Some((state, closing)) = &self.closing {
+            let (added, left) = closing.information();
+            obs.at(open).zip(left).for_each(|(r, left)| remaining[r] = left);
+            steps.push(open);
+            variances.push(smoothed(n, state, &added));
+            information = added;
+        }
+        let [mut to_level, mut to_slope, mut h] = [Vector::zero(n), Vector::zero(n), Vector::zero(n)];
+        let [mut level, mut slope] = [Vector::zero(n), Vector::zero(n)];
+        for t in (0..open).rev() {
+            if t + 1 < obs.steps() {
+                information.retreat();
+            }
+            for r in obs.at(t).rev() {
+                let gain = self.gain(r);
+                to_level.fill(gain.0);
+                to_slope.fill(gain.1);
+                h.fill(obs.row(r));
+                information.times(&to_level, &to_slope, &mut level, &mut slope);
+                let answered = inner(gain.0, &level.data).re + inner(gain.1, &slope.data).re;
+                remaining[r] = 1.0 / self.variances[r] + answered;
+                add(&mut level.data, Complex::new(-0.5 * remaining[r], 0.0), &h.data);
+                information.subtract_level_pair(&h, &level, &slope);
+            }
+            if t % self.every == 0 {
+                information.symmetrise();
+                steps.push(t);
+                variances.push(smoothed(n, &self.checkpoint(t / self.every), &information));
+            }
+        }
+        steps.reverse();
+        variances.reverse();
+        Uncertainty { remaining, steps, variances: variances.concat() }
+    }
+
+    /// Sum over the rows of the logarithm of the innovations' variances (with the finite prior of the forward pass).
+    pub fn log_determinant(&self) -> f64 {
+        self.variances.iter().map(|v| v.ln()).sum()
+    }
+
+    /// Variances of level and slope at the first step, before any row, with which the covariances begin.
+    pub fn prior(&self) -> [f64; 2] {
+        self.prior
+    }
+
+    /// Bytes held between passes.
+    pub fn bytes(&self) -> usize {
+        8 * (self.gains.capacity() + self.variances.capacity() + self.checkpoints.capacity())
+    }
+}
+
+/// `state + P pull`.
+fn moved(covariance: &Blocks, state: &[Vector; 2], pull: &[Vector; 2]) -> [Vector; 2] {
+    let mut out = state.clone();
+    let [mut level, mut slope] = state.clone();
+    covariance.times(&pull[0], &pull[1], &mut level, &mut slope);
+    add(&mut out[0].data, Complex::new(1.0, 0.0), &level.data);
+    add(&mut out[1].data, Complex::new(1.0, 0.0), &slope.data);
+    out
+}
+
+/// Variances of the levels, `P - P N P`.
+fn smoothed(n: usize, covariance: &Blocks, information: &Blocks) -> Vec<f64> {
+    let [mut x, mut y, mut level, mut slope] = [(); 4].map(|()| Vector::zero(n));
+    let variance = |i: usize| {
+        for j in 0..n {
+            x.set(j, covariance.get((0, j), (0, i)));
+            y.set(j, covariance.get((1, j), (0, i)));
+        }
+        information.times(&x, &y, &mut level, &mut slope);
+        let known = inner(&x.data, &level.data).re + inner(&y.data, &slope.data).re;
+        let predicted = covariance.get((0, i), (0, i)).re;
+        // a difference of rounded numbers cannot vouch for less
+        (predicted - known).max(VOUCHED * predicted)
+    };
+    (0..n).map(variance).collect()
+}
+
+fn conjugate(mut row: Vector) -> Vector {
+    let stride = row.stride;
+    row.data[stride..].iter_mut().for_each(|v| *v = -*v);
+    row
+}
+
+fn lost(step: usize, variance: f64) -> Error {
+    Error::NoConvergence {
+        method: format!("the smoother's forward pass (step {step}: predicted variance {variance:e})"),
+        iterations: step,
+        residual: variance,
+        advice: "the covariance lost its sign: raise the smoothness or use the banded solver".into(),
+    }
+}
+
+#[cfg(test)]
+#[path = "smoother_tests.rs"]
+mod tests;

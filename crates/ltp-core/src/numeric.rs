@@ -4,8 +4,8 @@
 //! bounds. Around it stand what noisy records need ([`spectrum`], [`whiten`], [`stats`], [`regression`]),
 //! interpolation ([`spline`]), bracketed roots ([`root`]), a Runge-Kutta method as data ([`tableau`]) and a reproducible
 //! random sequence ([`rng`]). [`fft`] decides how Fourier transforms are scaled, [`chirp_z`] takes their lines at any other
-//! spacing, [`gauss`] carries collocation, [`eigen`] finds eigenvalues. [`smoother`] fits unknowns that bend little along an
-//! axis; [`penalised`] does the same through one [`banded`] system.
+//! spacing; [`smoother`] fits unknowns that bend little along an axis, [`penalised`] does the same through one [`banded`]
+//! system; [`gauss`] carries collocation, [`eigen`] finds eigenvalues.
 
 pub mod banded;
 pub mod chirp_z;

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from .decimate import Array, envelope
 from .style import COLORS, figure_legend, hide_spines, label, new_figure, plain_ticks, styled
 
-#: Half-width of a 95 % band, in standard deviations.
-BAND = 1.96
+#: Half-width of a band, in standard deviations or errors: about 95 % when many groups are behind it, 90 % with a dozen.
+BAND = 2.0
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,10 @@
 //! The estimate is least squares (a direct prediction-error method, consistent under feedback when the lags take up the
 //! noise's colour and the loop has a delay or an excitation of its own; L. Ljung, *System Identification*, 2nd ed., 13.4). Its
 //! uncertainty comes from drawing whole groups of cycles with replacement, because samples of one run resemble each
-//! other. Whether it is worth anything is judged in free run on groups that were held out ([`super::held_out`]).
+//! other. The draws hold the phase (the marks of the events, the usual durations) and the orders for known: with enough
+//! harmonics, 95 % bands from twelve groups cover 90 to 95 %, and where data are so good that the bands are below a percent
+//! of the value, too few harmonics let them fall to 75 % (planted walkers). Whether it is worth anything is judged in free
+//! run on groups that were held out ([`super::held_out`]).
 //!
 //! References: S. Bittanti and P. Colaneri, *Periodic Systems*, Springer 2009, ch. 8 (PARX); M. M. Ankarali and N. J. Cowan,
 //! IEEE CDC 2014; B. Efron and R. J. Tibshirani, *An Introduction to the Bootstrap*, 1993.

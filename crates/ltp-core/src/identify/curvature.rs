@@ -65,7 +65,8 @@ pub enum Solver {
 /// Harmonic transfer functions with standard deviations and coherence.
 ///
 /// Figures: `smoothness`, `gcv` (of the first output), `noise_sd` (per output, in its unit, of a sample), `frequencies` and
-/// `unknowns` (complex, of both halves), `equations` (of one half) and `determined` (of them, what the unknowns use up), `solve_seconds` (of the solution alone).
+/// `unknowns` (complex, of both halves), `equations` (of one half) and `determined` (of them, what the unknowns use up),
+/// `solve_seconds` (of the solution alone).
 ///
 /// # Errors
 /// `OutOfRange` for a smoothness that is not positive, `NoConvergence` when the data leave the problem singular.

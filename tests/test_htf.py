@@ -101,6 +101,83 @@ class TestRefuses:
             estimate().harmonic(2)
 
 
+class TestPredicts:
+    """The closed form: `y = (1 + cos(w_p t)) x`, so `H_0 = X` and `H_1 = H_-1 = X/2` with X the resonance."""
+
+    W_P = math.tau / PERIOD
+
+    def test_between_the_grid(self) -> None:
+        """Six points make the error fall by about 2^6 when the grid is halved, also on the resonance."""
+        omega = np.array([7.13, 9.87, 21.4])
+        errors = []
+        for step in (0.25, 0.125):
+            grid = np.arange(0.0, 30.1, step)
+            htf = ltp.Htf(np.stack([resonance(grid)] * 3), grid, PERIOD)
+            errors.append(np.abs(htf.at(1, omega) - resonance(omega)).max())
+        assert errors[0] / errors[1] > 40
+        assert errors[1] < 1e-5 * abs(resonance(np.array([10.0]))[0])
+
+    def test_negative_frequencies_and_beyond(self) -> None:
+        htf, omega = ltp.Htf(**parts()), np.array([7.13, 9.87])
+        np.testing.assert_allclose(htf.at(-1, -omega), np.conj(htf.at(1, omega)), rtol=1e-14)
+        np.testing.assert_array_equal(htf.at(1, [OMEGA[-1] + 1.0]), [0.0])
+        np.testing.assert_array_equal(htf.at(2, [1.0]), [0.0])
+
+    def test_a_settled_sine(self) -> None:
+        htf = ltp.Htf(**parts())
+        t = np.linspace(0.0, 3.0, 200)
+        x = np.real(resonance(np.array([8.0])) * 0.3 * np.exp(1j * (8.0 * t + 0.4)))
+        expected = (1.0 + np.cos(self.W_P * t)) * x
+        found = htf.steady_state(8.0, 0.3, t, phase=0.4)
+        assert found.shape == (200, 1)
+        np.testing.assert_allclose(found[:, 0], expected, atol=1e-15)
+
+    def test_a_pulse_with_its_transient(self) -> None:
+        omega = np.arange(0.0, 80.0, 0.05)
+        values = np.stack([0.5 * resonance(omega), resonance(omega), 0.5 * resonance(omega)])
+        dt, n = 0.0025, 8000
+        t = np.arange(n) * dt
+        u = np.exp(-(((t - 1.0) / 0.15) ** 2))
+        # The oscillator by its own impulse response, summed.
+        ring = math.sqrt(99.0)
+        x = np.convolve(u, np.exp(-t) * np.sin(ring * t) / ring)[:n] * dt
+        found = ltp.Htf(values, omega, PERIOD).predict(u, dt)[:, 0]
+        expected = (1.0 + np.cos(self.W_P * t)) * x
+        assert ltp.metrics.e_rms(expected, found) < 0.01  # percent
+
+    def test_what_lies_beyond_the_grid_is_said(self) -> None:
+        noise = np.random.default_rng(0).normal(size=400)
+        with pytest.warns(UserWarning, match="where the transfer functions end"):
+            ltp.Htf(**parts()).predict(noise, 0.005)
+
+    def test_one_thing_that_cannot_be(self) -> None:
+        htf = ltp.Htf(**parts())
+        for call, message in (
+            (lambda: htf.at(0, [1.0], output=1), "output"),
+            (lambda: htf.at(0, ["low"]), "not an array of numbers"),
+            (lambda: htf.steady_state(1.0, 1.0, [0.0], input=2), "input"),
+            (lambda: htf.predict(np.zeros((5, 2)), 0.1), "columns"),
+            (lambda: htf.predict([0.0, math.nan], 0.1), "input"),
+            (lambda: htf.predict([0.0, 1.0], -0.1), "dt"),
+        ):
+            with pytest.raises(ltp.InputError, match=message):
+                call()
+
+
+class TestPicture:
+    def test_panels_and_bands(self) -> None:
+        htf = estimate()
+        figure = htf.plot(unit="m/N")
+        assert [axes.get_ylabel() for axes in figure.axes] == ["magnitude (m/N)", "phase (°)"]
+        assert len(figure.axes[0].collections) == 3  # one band for each of the harmonics -1, 0, 1
+        assert not ltp.Htf(**parts()).plot().axes[0].collections
+
+    def test_the_error_against_a_reference(self) -> None:
+        figure = estimate().plot(exact=ltp.Htf(**parts()))
+        assert [axes.get_ylabel() for axes in figure.axes] == ["magnitude", "phase (°)", "error"]
+        assert "exact" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
 class TestFile:
     def test_comes_back_bit_for_bit(self, tmp_path: Path) -> None:
         htf = estimate()

@@ -23,6 +23,8 @@ def identify(
     order: int | None = None,
     reach: float | None = None,
     transients: bool | None = None,
+    smoothness: float | None = None,
+    solver: str | None = None,
 ) -> Htf:
     """Harmonic transfer functions of the periodic system that made the recordings, with their uncertainty.
 
@@ -36,6 +38,9 @@ def identify(
     order, reach, transients: of "floquet": the number of multipliers, by default the one with the greatest evidence;
         the input frequency up to which numerators are fitted, rad/s; whether records may begin away from the steady
         state.
+    smoothness, solver: of "curvature": the weight of the curvature in units of the input's power, by default the one with
+        the best cross-validation; and the route, "smoother" (a Kalman smoother along frequency, the default) or "banded"
+        (one system, as published), which find the same.
 
     Several recordings of the same channels are taken together. Doubts (few cycles, no power in part of the band) are
     warned of and kept in `warnings`. Raises `InputError` when the recordings cannot be used as asked, with the numbers
@@ -54,6 +59,8 @@ def identify(
         order=order,
         reach=reach,
         transients=transients,
+        smoothness=smoothness,
+        solver=solver,
     )
     htf = Htf.wrap(core)
     for text in htf.warnings:

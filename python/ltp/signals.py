@@ -51,7 +51,7 @@ def phase_shifted_chirps(
     """One chirp after the other, each at another phase of the clock of `period` (s); zero from the last to `t_end`.
 
     timing: "published" (Uyanik et al. 2015, equations (18) and (19)): slots of `duration`, in which chirp `i` from 0
-        begins `i period / repetitions` early, so that its beginning is cut off and its slot ends in silence. "even":
+        begins `i period / repetitions` early, so that its beginning is cut off and it sweeps on past the band. "even":
         slots of whole periods in which it begins `i period / repetitions` late; phases are even and no chirp is cut.
 
     The record of the paper is `phase_shifted_chirps(0.33, 2 * pi * 5, 20.0, amplitude=0.1, t_end=462.0)`.

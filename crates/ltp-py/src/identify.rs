@@ -1,6 +1,7 @@
 //! The verb `identify` of the extension. It sees recordings and nothing else.
 
 use ltp_core::error::{Error, Result, nearest};
+use ltp_core::identify::curvature::{self, Solver};
 use ltp_core::identify::{self as core, Method, Options, Orbit, floquet};
 use pyo3::prelude::*;
 
@@ -14,7 +15,7 @@ use crate::recording::Recording;
 #[pyfunction]
 #[pyo3(signature = (
     recordings, *, period, harmonics, method="floquet", band=None, orbit="deviation", order=None, reach=None,
-    transients=None
+    transients=None, smoothness=None, solver=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are the keyword arguments of Python")]
 pub fn identify(
@@ -28,8 +29,16 @@ pub fn identify(
     order: Option<usize>,
     reach: Option<f64>,
     transients: Option<bool>,
+    smoothness: Option<f64>,
+    solver: Option<&str>,
 ) -> PyResult<Htf> {
-    let given = [("order", order.is_some()), ("reach", reach.is_some()), ("transients", transients.is_some())];
+    let given = [
+        ("order", order.is_some()),
+        ("reach", reach.is_some()),
+        ("transients", transients.is_some()),
+        ("smoothness", smoothness.is_some()),
+        ("solver", solver.is_some()),
+    ];
     let options = door::short(py, || {
         let orbit = match orbit {
             "deviation" => Orbit::Deviation,
@@ -42,7 +51,14 @@ pub fn identify(
                 let transients = transients.unwrap_or(defaults.transients);
                 Method::Floquet(floquet::Options { order, reach, transients, ..defaults })
             }
-            "curvature" => Method::Curvature(core::curvature::Options::default()),
+            "curvature" => {
+                let solver = match solver {
+                    None | Some("smoother") => Solver::Smoother,
+                    Some("banded") => Solver::Banded,
+                    Some(other) => return Err(unknown("solver", other, &["smoother", "banded"])),
+                };
+                Method::Curvature(curvature::Options { smoothness, solver })
+            }
             "lines" => Method::Lines(core::lines::Options::default()),
             other => return Err(unknown("method", other, &["floquet", "curvature", "lines"])),
         };

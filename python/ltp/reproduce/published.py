@@ -11,7 +11,7 @@ import ltp
 from ltp.plots.responses import Predicted, Response, responses
 from ltp.plots.sweep import Line, Panel, Point, sweep
 from ltp.reproduce.result import Chapter, Picture, Row
-from ltp.reproduce.rig import DT, STEP, Record, Rig
+from ltp.reproduce.rig import DT, MARGIN, STEP, Record, Rig
 
 TO_ZERO = 1e-6  # smoothness that stands for none at all: what the data leave open is still decided
 USUAL = 10.0  # smoothness in the region that cross-validation picks for these records
@@ -23,7 +23,8 @@ def siddiqi(
     rig: Rig, record: Record, size: int = 21, smoothness: float | None = USUAL, *, keep: bool = True
 ) -> ltp.Htf:
     """The published estimate with `size` harmonic transfer functions."""
-    return rig.estimate(record, (size - 1) // 2, keep=keep, method="curvature", smoothness=smoothness)
+    band = MARGIN * math.tau * 20.0  # as far as the paper's figure 8
+    return rig.estimate(record, (size - 1) // 2, keep=keep, method="curvature", smoothness=smoothness, band=band)
 
 
 def chapter(rig: Rig) -> Chapter:

@@ -18,6 +18,7 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 #: Recordings that the pages name, by their folder in the data.
 FOLDERS = {"DATA_EMPS": "emps", "realVSmodel": "sydney_compass_gait", "radial": "bicycle_wheel_pendulum"}
 FOLDERS["axial"] = FOLDERS["radial"]
+FOLDERS["SysID"] = FOLDERS["realVSmodel"]
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -64,6 +65,9 @@ def shape(text: str) -> str:
 def test_python_blocks_run_in_order(page: Path) -> None:
     names: dict[str, object] = {}
     for body in blocks(page, "python"):
+        for name in re.findall(r'"(\w+\.(?:mat|csv))"', body):
+            if place(name) != name:
+                Path(name).symlink_to(place(name))
         exec(compile(body, str(page), "exec"), names)
 
 
@@ -81,6 +85,12 @@ def test_readme_prints_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
     page = ROOT / "README.md"
     exec(compile(blocks(page, "python")[0], str(page), "exec"), {})
     assert shape(capsys.readouterr().out) == shape(blocks(page, "text")[0])
+
+
+def test_signals_page_prints_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
+    page = ROOT / "docs" / "signals.md"
+    exec(compile(blocks(page, "python")[0], str(page), "exec"), {})
+    assert capsys.readouterr().out == blocks(page, "text")[0]
 
 
 def test_links_lead_somewhere() -> None:

@@ -1,4 +1,4 @@
-"""Draws the figures of README.md and docs/recordings from the diagnoses that those pages describe.
+"""Draws the figures of README.md and docs/recordings from what those pages describe.
 
 `python tools/draw_figures.py [DATA]` writes docs/demo.png, and docs/recordings/*.png when the folder of the public
 recordings is there (DATA, by default `shared/data` beside the checkout; docs/recordings says where they come from).
@@ -22,6 +22,7 @@ from ltp.cli.demo import SEED
 from ltp.conceal import conceal
 from ltp.plots import comparison, missing_force
 from ltp.report.view import View
+from walking_figure import RECORD, walking
 
 DOCS = Path(__file__).parents[1] / "docs"
 DPI = 110
@@ -83,6 +84,9 @@ def main(data: Path) -> None:
         records = [load_recording(str(data / word), model, columns, None) for word in (train, test) if word]
         seen = view(ltp.diagnose(model, records[:1], records[1:]))
         write(DOCS / "recordings" / f"{name}.png", *([force(seen)] if seen.effects else []), fit(seen))
+    walk = data / "sydney_compass_gait" / RECORD
+    if walk.exists():
+        write(DOCS / "recordings" / "sydney_walking.png", *walking(walk))
 
 
 if __name__ == "__main__":

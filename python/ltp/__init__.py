@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ltp import zoo
+from ltp import metrics, signals, zoo
 from ltp._ltp import ConvergenceError, InputError
+from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
     Diagnosis,
@@ -23,29 +24,74 @@ from ltp.diagnose import (
     ParameterChange,
     diagnose,
 )
+from ltp.htf import Htf
+from ltp.identify import Rest, identify, rests
+from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
 from ltp.recording import Recording
 from ltp.simulate import Event, Stop, Trajectory, simulate
+from ltp.unclocked import (
+    Cycle,
+    CycleAverage,
+    HeldOut,
+    PeriodicArx,
+    Phase,
+    Ratio,
+    SectionMap,
+    StepResponse,
+    cycle_average,
+    identify_arx,
+    identify_map,
+    phase_from_events,
+    switch_times,
+)
 
 __all__ = [
     "Candidate",
     "ConvergenceError",
+    "Cycle",
+    "CycleAverage",
+    "CycleEvent",
     "Diagnosis",
+    "Domain",
     "Effect",
     "Estimate",
     "Event",
     "Fit",
     "FitRow",
+    "HeldOut",
+    "Htf",
     "InputError",
+    "Jump",
     "Law",
+    "LimitCycle",
     "Location",
+    "LtpSystem",
     "Model",
+    "Other",
     "ParameterChange",
+    "PeriodicArx",
+    "Phase",
+    "Ratio",
     "Recording",
+    "Rest",
+    "SectionMap",
+    "StepResponse",
     "Stop",
     "Trajectory",
+    "cycle",
+    "cycle_average",
     "diagnose",
+    "identify",
+    "identify_arx",
+    "identify_map",
+    "linearize",
+    "metrics",
+    "phase_from_events",
+    "rests",
+    "signals",
     "simulate",
+    "switch_times",
     "zoo",
 ]
 

@@ -11,15 +11,43 @@ import numpy.typing as npt
 __all__ = [
     "ConvergenceError",
     "Diagnosis",
+    "ExperimentPlan",
+    "HeldOut",
+    "Htf",
     "InputError",
+    "LimitCycle",
+    "LtpSystem",
     "Model",
+    "Multisine",
+    "PeriodicArx",
+    "Phase",
     "Recording",
     "Trajectory",
+    "add_noise",
+    "chirp",
     "conceal",
+    "cycle",
+    "cycle_average",
     "diagnose",
+    "e_rms",
     "effect_names",
     "effect_text",
+    "identify",
+    "identify_arx",
+    "identify_map",
+    "linearize",
+    "multisine_lines",
+    "noise",
+    "phase_from_events",
+    "phase_shifted_chirps",
+    "relative_rms",
+    "rests",
+    "rms_error",
+    "settling_periods",
     "simulate",
+    "sine",
+    "step",
+    "switch_events",
     "unit_factor",
     "zoo_names",
     "zoo_text",
@@ -62,6 +90,43 @@ class _Case(TypedDict):
     train: list[Recording]
     test: list[Recording]
     label: str
+
+@type_check_only
+class _Design(TypedDict):
+    multisine: Multisine
+    noise_sd: float | None
+    sd: npt.NDArray[np.float64]
+    band: npt.NDArray[np.float64]
+    advice: list[str]
+
+class _CycleAverage(TypedDict):
+    phase: npt.NDArray[np.float64]
+    mean: npt.NDArray[np.float64]
+    spread: npt.NDArray[np.float64]
+    within: npt.NDArray[np.float64]
+    standard_error: npt.NDArray[np.float64]
+    cycles: int
+    groups: int
+
+@type_check_only
+class _StepResponse(TypedDict):
+    t: npt.NDArray[np.float64]
+    values: npt.NDArray[np.float64]
+    sd: npt.NDArray[np.float64]
+
+@type_check_only
+class _SectionMap(TypedDict):
+    claims: bool
+    states: npt.NDArray[np.float64]
+    matrix: npt.NDArray[np.float64]
+    matrix_sd: npt.NDArray[np.float64]
+    multipliers: npt.NDArray[np.complex128]
+    magnitude: list[tuple[float, float]]
+    pairs: int
+    groups: int
+    against_mean: tuple[float, float, float]
+    against_previous: tuple[float, float, float]
+    warnings: list[str]
 
 @final
 class Model:
@@ -147,6 +212,227 @@ class Diagnosis:
     def json(self) -> str: ...
     def traces(self) -> dict[str, Any]: ...
 
+@final
+class Multisine:
+    def __new__(
+        cls,
+        period: float,
+        lines: Sequence[int],
+        amplitudes: npt.NDArray[np.float64],
+        phases: npt.NDArray[np.float64],
+    ) -> Multisine: ...
+    @staticmethod
+    def random(
+        period: float,
+        lines: Sequence[int],
+        weights: npt.NDArray[np.float64] | None,
+        rms: float,
+        crest_turns: int,
+        seed: int,
+    ) -> Multisine: ...
+    @property
+    def period(self) -> float: ...
+    @property
+    def lines(self) -> list[int]: ...
+    @property
+    def omega(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def amplitudes(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def phases(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def rms(self) -> float: ...
+    @property
+    def crest(self) -> float: ...
+    def samples(self, t_end: float, dt: float) -> npt.NDArray[np.float64]: ...
+
+@final
+class ExperimentPlan:
+    def __new__(
+        cls,
+        period: float,
+        band: tuple[float, float],
+        duration: float,
+        dt: float,
+        repeats: int,
+        settle: int | None,
+        lines: str,
+        half_pumping: str,
+        count: int | None,
+        spread: str,
+    ) -> ExperimentPlan: ...
+    @property
+    def settle(self) -> int: ...
+    @property
+    def cycles(self) -> int: ...
+    @property
+    def omega(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def times(self) -> tuple[float, float]: ...
+    def design(
+        self,
+        gain: npt.NDArray[np.float64] | None,
+        rms: float,
+        power: float,
+        noise_sd: float | None,
+        snr: float | None,
+        crest_turns: int,
+        seed: int,
+    ) -> _Design: ...
+
+@final
+class Htf:
+    def __new__(
+        cls,
+        values: npt.NDArray[np.complex128],
+        omega: npt.NDArray[np.float64],
+        period: float,
+        sd: npt.NDArray[np.float64] | None,
+        coherence: npt.NDArray[np.float64] | None,
+        method: str,
+        figures: Mapping[str, float],
+        warnings: Sequence[str],
+    ) -> Htf: ...
+    @property
+    def values(self) -> npt.NDArray[np.complex128]: ...
+    @property
+    def omega(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def period(self) -> float: ...
+    @property
+    def sd(self) -> npt.NDArray[np.float64] | None: ...
+    @property
+    def coherence(self) -> npt.NDArray[np.float64] | None: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def figures(self) -> dict[str, float]: ...
+    @property
+    def warnings(self) -> list[str]: ...
+
+class Phase:
+    @property
+    def cycles(self) -> list[tuple[list[float], int, str | None]]: ...
+    @property
+    def marks(self) -> list[float]: ...
+    @property
+    def period(self) -> float: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    def at(self, t: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+
+@final
+class PeriodicArx:
+    @property
+    def noise_sd(self) -> list[float]: ...
+    @property
+    def size(self) -> tuple[int, int]: ...
+    @property
+    def groups(self) -> int: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    def predict(self, recording: Recording, phase: Phase) -> npt.NDArray[np.float64]: ...
+    def step_response(self, input: str, phase: float, duration: float) -> _StepResponse: ...
+    def held_out(self, recording: Recording, phase: Phase) -> HeldOut: ...
+
+@final
+class HeldOut:
+    @property
+    def group(self) -> list[int]: ...
+    @property
+    def prediction(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def rms(self) -> list[list[float]]: ...
+    @property
+    def rms_by_group(self) -> list[list[list[float]]]: ...
+    def ratio(self, rival: str | HeldOut, *, draws: int = 2000, seed: int = 0) -> list[tuple[float, float, float]]: ...
+    def at(self, k: int, omega: npt.NDArray[np.float64], output: int, input: int) -> npt.NDArray[np.complex128]: ...
+    def steady_state(
+        self, omega: float, amplitude: float, phase: float, input: int, t: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]: ...
+    def predict(
+        self, u: npt.NDArray[np.float64], t0: float, dt: float
+    ) -> tuple[npt.NDArray[np.float64], list[str]]: ...
+
+@final
+class LimitCycle:
+    @property
+    def period(self) -> float: ...
+    @property
+    def autonomous(self) -> bool: ...
+    @property
+    def start(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def found_from(self) -> npt.NDArray[np.float64]: ...
+    def trajectory(self) -> Trajectory: ...
+    @property
+    def events(self) -> list[tuple[str, float, float, str, str]]: ...
+    @property
+    def monodromy(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def multipliers(self) -> npt.NDArray[np.complex128]: ...
+    @property
+    def held(self) -> list[int]: ...
+    @property
+    def stable(self) -> bool: ...
+    @property
+    def stats(self) -> dict[str, float]: ...
+    @property
+    def domain(self) -> tuple[int, int, float] | None: ...
+    @property
+    def others(self) -> list[tuple[LimitCycle, int]]: ...
+    @property
+    def lost(self) -> list[tuple[list[float], str]]: ...
+    @property
+    def warnings(self) -> list[str]: ...
+
+@final
+class LtpSystem:
+    @property
+    def period(self) -> float: ...
+    @property
+    def size(self) -> tuple[int, int, int]: ...
+    def matrix(self, name: str, t: float) -> npt.NDArray[np.float64]: ...
+    @property
+    def jumps(self) -> list[tuple[str, float, npt.NDArray[np.float64], npt.NDArray[np.float64]]]: ...
+    @property
+    def monodromy(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def multipliers(self) -> npt.NDArray[np.complex128]: ...
+    def simulate(self, u: npt.NDArray[np.float64], t0: float, dt: float) -> npt.NDArray[np.float64]: ...
+    def select(self, inputs: Sequence[int], outputs: Sequence[int]) -> LtpSystem: ...
+    def lift(self, truncation: int) -> npt.NDArray[np.complex128]: ...
+    def lifted_htf(self, omega: npt.NDArray[np.float64], harmonics: int, truncation: int) -> Htf: ...
+    def htf(self, omega: npt.NDArray[np.float64], harmonics: int) -> Htf: ...
+
+def cycle(
+    model: Model,
+    *,
+    start: Mapping[str, float] | None = None,
+    mode: str | None = None,
+    period: float | None = None,
+    inputs: Mapping[str, float] | None = None,
+    settle: int | None = None,
+    steps: int | None = None,
+    probes: int = 0,
+    seed: int = 0,
+) -> LimitCycle: ...
+def identify(
+    recordings: Sequence[Recording],
+    *,
+    period: float,
+    harmonics: int,
+    method: str = "floquet",
+    band: float | None = None,
+    orbit: str = "deviation",
+    order: int | None = None,
+    reach: float | None = None,
+    transients: bool | None = None,
+    smoothness: float | None = None,
+    solver: str | None = None,
+) -> Htf: ...
+def rests(recordings: Sequence[Recording], period: float) -> list[tuple[str, str, float, float, float, float, int]]: ...
+def linearize(model: Model, cycle: LimitCycle) -> LtpSystem: ...
 def simulate(
     model: Model,
     inputs: Mapping[str, npt.NDArray[np.float64]] | Mapping[str, str] | Mapping[str, npt.NDArray[np.float64] | str],
@@ -179,8 +465,75 @@ def conceal(
     amplitude: float = 4.0,
     seed: int = 0,
 ) -> _Case: ...
+def switch_events(
+    recording: Recording, channel: str, level: float | None = None
+) -> tuple[npt.NDArray[np.float64], list[int]]: ...
+def phase_from_events(
+    recording: Recording,
+    times: npt.NDArray[np.float64],
+    kinds: Sequence[int],
+    *,
+    start: int = 0,
+    joins: Sequence[float] = ...,
+    tolerance: float = 0.25,
+) -> Phase: ...
+def cycle_average(recording: Recording, phase: Phase, channels: Sequence[str], points: int = 100) -> _CycleAverage: ...
+def identify_arx(
+    recording: Recording,
+    phase: Phase,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    *,
+    lags: tuple[int, int] = ...,
+    spacing: int = 1,
+    harmonics: int = 2,
+    offset: int = 8,
+    draws: int = 200,
+    seed: int = 0,
+) -> PeriodicArx: ...
+def identify_map(
+    recording: Recording,
+    phase: Phase,
+    at: float,
+    coordinates: Sequence[tuple[str, bool]],
+    *,
+    window: int = 5,
+    per_run: bool = False,
+    draws: int = 1000,
+    seed: int = 0,
+) -> _SectionMap: ...
 def zoo_names() -> list[str]: ...
 def zoo_text(name: str) -> str: ...
 def effect_names() -> list[str]: ...
 def effect_text(name: str) -> str: ...
 def unit_factor(found: str, wanted: str) -> float: ...
+def chirp(
+    amplitude: float, band: tuple[float, float], duration: float, t_end: float | None, dt: float
+) -> npt.NDArray[np.float64]: ...
+def phase_shifted_chirps(
+    amplitude: float,
+    band: tuple[float, float],
+    duration: float,
+    period: float,
+    repetitions: int,
+    timing: str,
+    t_end: float | None,
+    dt: float,
+) -> npt.NDArray[np.float64]: ...
+def sine(amplitude: float, omega: float, phase: float, t_end: float, dt: float) -> npt.NDArray[np.float64]: ...
+def step(amplitude: float, start: float, end: float, t_end: float, dt: float) -> npt.NDArray[np.float64]: ...
+def noise(n: int, sd: float, seed: int) -> npt.NDArray[np.float64]: ...
+def add_noise(x: npt.NDArray[np.float64], snr: float, seed: int) -> tuple[npt.NDArray[np.float64], float]: ...
+def multisine_lines(
+    period: float,
+    cycles: int,
+    band: tuple[float, float],
+    lines: str,
+    half_pumping: str,
+    count: int | None,
+    spread: str,
+) -> list[int]: ...
+def settling_periods(multiplier: float) -> int: ...
+def e_rms(measured: npt.NDArray[np.float64], predicted: npt.NDArray[np.float64]) -> float: ...
+def rms_error(measured: npt.NDArray[np.float64], predicted: npt.NDArray[np.float64]) -> float: ...
+def relative_rms(measured: npt.NDArray[np.float64], predicted: npt.NDArray[np.float64]) -> float: ...

@@ -35,12 +35,20 @@ def write_text(path: str | os.PathLike[str], text: str) -> Path:
 
     Raises `InputError` when the place cannot be written to.
     """
+    return write_bytes(path, text.encode())
+
+
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
+    """Write `data` to `path`, replacing an existing file in one step; returns the path.
+
+    Raises `InputError` when the place cannot be written to.
+    """
     target = check_writable(path)
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
         try:
-            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
-                stream.write(text)
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(data)
             # mkstemp gives 0600; a result file gets the permissions the user's umask asks for.
             os.chmod(temporary, 0o666 & ~_umask())
             os.replace(temporary, target)

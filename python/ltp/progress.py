@@ -41,12 +41,17 @@ class Progress:
         self._stream.flush()
         self._drawn = True
 
+    def clear(self) -> None:
+        """Take the bar away until it is called again, so that something else can be printed."""
+        if self._drawn:
+            self._stream.write("\r\x1b[K")
+            self._stream.flush()
+            self._drawn = False
+
     def __enter__(self) -> Progress:
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._drawn:
-            self._stream.write("\r\x1b[K")
-            self._stream.flush()
+        self.clear()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -106,6 +106,40 @@ class Recording:
                 u[key] = values[key]
         y = {key: values[key] for key in measured}
         return cls.wrap(_construct(title, table.source, values["t"], u, y))
+
+    @classmethod
+    def read_columns(
+        cls,
+        source: str | os.PathLike[str] | Frame | Mapping[str, Any],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        name: str | None = None,
+        *,
+        dt: float | None = None,
+    ) -> Recording:
+        """Read named columns as they are, without a model: no units are converted, no defaults filled in.
+
+        source, name, dt: as in `read`. Raises `InputError` with file, row and column for each way a file can be wrong.
+        """
+        table = read_table(source)
+        title = name or (stem(source) if isinstance(source, (str, os.PathLike)) else table.source)
+        chosen: dict[str, Column] = {}
+        for header in [*inputs, *outputs]:
+            found = table.find(header)
+            if found is None:
+                raise table.missing(header, f"{header!r}", "name one of the columns of the file")
+            chosen[header] = found[0]
+        values = {header: table.numbers(column) for header, column in chosen.items()}
+        time = _find_time(table, {}, dt)
+        t = np.arange(len(values[outputs[0]])) * float(dt or 0.0) if time is None else table.numbers(time[0])
+        _check_lengths(table.source, {"time": t, **values})
+        _check_count(table, len(t))
+        if time is not None:
+            _check_time(table, time[0], t)
+        for header in inputs:
+            _check_known(table, chosen[header], values[header])
+        columns = ({header: values[header] for header in names} for names in (inputs, outputs))
+        return cls.wrap(_construct(title, table.source, t, *columns))
 
     def slice(self, start: float, end: float) -> Recording:
         """The samples with `start <= t <= end` (s), times kept. Raises `InputError` for an empty window."""

@@ -143,13 +143,14 @@ def simulate(
         initial_state=None if initial_state is None else dict(initial_state),
         initial_mode=initial_mode,
     )
-    run = _trajectory(model, core)
+    run = wrap_trajectory(model, core)
     if strict and run.stop.early:
         raise ConvergenceError(f"{model.name}: {run.stop.message}")
     return run
 
 
-def _trajectory(model: Model, core: _ltp.Trajectory) -> Trajectory:
+def wrap_trajectory(model: Model, core: _ltp.Trajectory) -> Trajectory:
+    """The Python face of a trajectory of the extension."""
     return Trajectory(
         t=core.t,
         states=core.states,

@@ -3,11 +3,21 @@
 //! [`spectra`] turns recordings into lines on which the clock is a whole number of bins, and refuses what cannot be
 //! identified. Three methods read them: [`floquet`] fits numerators of finite memory over one common denominator, whose
 //! roots are the Floquet multipliers; [`curvature`] is Siddiqi's least squares with a smoothness penalty; [`lines`] divides
-//! line by line where the excitation is periodic. Nothing here can see a model, so nothing can peek at the truth.
+//! line by line where the excitation is periodic. [`rest`] asks what outputs show while the input rests. Nothing here can see a model, so nothing can peek at the truth.
+//!
+//! Machines without a clock have only their events to tell the time: [`phase`] makes a phase of them, [`orbit`] averages
+//! over cycles, [`arx`] estimates a discrete linear time-periodic model and [`held_out`] says what it is worth, and
+//! [`section`] estimates the map from one cycle to the next.
 
+pub mod arx;
 pub mod curvature;
 pub mod floquet;
+pub mod held_out;
 pub mod lines;
+pub mod orbit;
+pub mod phase;
+pub mod rest;
+pub mod section;
 pub mod spectra;
 
 use crate::error::Result;
@@ -60,9 +70,18 @@ pub enum Method {
 /// As [`Spectra::new`] for recordings that cannot be used, and as the method says.
 pub fn identify(recordings: &[Recording], options: &Options) -> Result<Htf> {
     let spectra = Spectra::new(recordings, options)?;
-    match &options.method {
+    let mut htf = match &options.method {
         Method::Floquet(own) => floquet::identify(&spectra, options, own),
         Method::Curvature(own) => curvature::identify(&spectra, options, own),
         Method::Lines(own) => lines::identify(&spectra, options, own),
+    }?;
+    // An orbit that is still in the outputs is no bias: its lines are left out.
+    if options.orbit == Orbit::Deviation {
+        let rests = rest::rests(recordings, options.period);
+        htf.warnings.extend(rests.iter().filter(|r| r.is_biased()).map(rest::Rest::sentence));
     }
+    Ok(htf)
 }
+
+#[cfg(test)]
+mod planted;

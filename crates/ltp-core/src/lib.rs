@@ -5,9 +5,11 @@
 //! to both sides.
 
 pub mod conceal;
+pub mod cycle;
 pub mod diagnose;
 pub mod error;
 pub mod identify;
+pub mod linearize;
 pub mod model;
 pub mod numeric;
 pub mod periodic;

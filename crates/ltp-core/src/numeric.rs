@@ -3,14 +3,16 @@
 //! Least squares is the centre: [`rows`] reduces tall problems to a triangle, [`lsq`] minimises nonlinear ones with
 //! bounds. Around it stand what noisy records need ([`spectrum`], [`whiten`], [`stats`], [`regression`]),
 //! interpolation ([`spline`]), bracketed roots ([`root`]), a Runge-Kutta method as data ([`tableau`]) and a reproducible
-//! random sequence ([`rng`]). [`fft`] decides how Fourier transforms are scaled; [`chirp_z`]
-//! takes their lines at any other spacing. [`smoother`] fits unknowns that bend little along an axis; [`penalised`] does the
-//! same through one [`banded`] system.
+//! random sequence ([`rng`]). [`fft`] decides how Fourier transforms are scaled, [`chirp_z`] takes their lines at any other
+//! spacing; [`smoother`] fits unknowns that bend little along an axis, [`penalised`] does the same through one [`banded`]
+//! system; [`gauss`] carries collocation, [`eigen`] finds eigenvalues.
 
 pub mod banded;
 pub mod chirp_z;
+pub mod eigen;
 pub mod fft;
 pub mod folded;
+pub mod gauss;
 pub mod lsq;
 pub mod penalised;
 pub mod quartic;

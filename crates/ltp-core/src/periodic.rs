@@ -1,8 +1,19 @@
 //! Level 2: linear time-periodic systems and their harmonic transfer functions.
 //!
 //! The noun both doors lead to is [`Htf`]: `linearize` makes it exactly from a model, `identify` estimates it from
-//! recordings.
+//! recordings. [`LtpSystem`] is the state space it comes from, jumps included. Two routes lead from the one to the other: the
+//! periodic steady state ([`LtpSystem::htf`]), exact also through jumps, and the harmonic state space
+//! ([`LtpSystem::lifted_htf`]) of smooth systems, truncated.
 
+mod exact;
+mod harmonic;
 pub mod htf;
+mod predict;
+mod propagate;
+mod select;
+mod simulate;
+pub mod system;
 
 pub use htf::Htf;
+pub use predict::Prediction;
+pub use system::{Entry, Jump, LtpSystem, Segment, Size};

@@ -6,24 +6,44 @@
 
 use std::fmt::Display;
 
-use numpy::ndarray::{Array, ArrayView2, Axis, Dimension, Ix1, Ix2, concatenate};
-use numpy::{IntoPyArray, PyArray, PyArray2, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
+use ltp_core::error::Error;
+use ltp_core::numeric::Complex;
+use numpy::ndarray::{Array, ArrayView2, Axis, Dimension, Ix1, Ix2, Ix4, concatenate};
+use numpy::{Element, IntoPyArray, PyArray, PyArray2, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
 
-use crate::error::{InputError, from_panic};
+use crate::error::{Failure, InputError, from_panic};
 
 /// A flat row-major matrix and its number of columns.
 pub type Flat<'a> = (&'a [f64], usize);
 
 /// A 1-D float64 array; `argument` is what errors call it.
 pub fn vector(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-    Ok(owned::<Ix1>(argument, "1-D", value)?.to_vec())
+    Ok(owned::<f64, Ix1>(argument, "1-D", value)?.to_vec())
 }
 
 /// The columns of a 2-D float64 array.
 pub fn columns(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<f64>>> {
-    Ok(owned::<Ix2>(argument, "2-D", value)?.columns().into_iter().map(|column| column.to_vec()).collect())
+    Ok(owned::<f64, Ix2>(argument, "2-D", value)?.columns().into_iter().map(|column| column.to_vec()).collect())
+}
+
+/// A 2-D float64 array as a flat row-major matrix, with its shape.
+pub fn rows(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<(Vec<f64>, [usize; 2])> {
+    let array = owned::<f64, Ix2>(argument, "2-D", value)?;
+    Ok((array.iter().copied().collect(), array.dim().into()))
+}
+
+/// A 4-D float64 array, flat and row-major, with its shape.
+pub fn block(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<(Vec<f64>, [usize; 4])> {
+    let array = owned::<f64, Ix4>(argument, "4-D", value)?;
+    Ok((array.iter().copied().collect(), array.dim().into()))
+}
+
+/// A 4-D complex128 array, flat and row-major, with its shape.
+pub fn complex_block(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<(Vec<Complex>, [usize; 4])> {
+    let array = owned::<Complex, Ix4>(argument, "4-D", value)?;
+    Ok((array.iter().copied().collect(), array.dim().into()))
 }
 
 /// Numbers by name, in the order of the mapping.
@@ -54,25 +74,52 @@ pub fn pick<'py>(
 }
 
 /// Makes an array unwritable: it shows what a Rust value holds, and a change would not reach that value.
-pub fn freeze<D: Dimension>(array: Bound<'_, PyArray<f64, D>>) -> Py<PyArray<f64, D>> {
+pub fn freeze<T: Element, D: Dimension>(array: Bound<'_, PyArray<T, D>>) -> Py<PyArray<T, D>> {
     array.readwrite().make_nonwriteable();
     array.unbind()
 }
 
-fn owned<D: Dimension>(argument: &str, dimensions: &str, value: &Bound<'_, PyAny>) -> PyResult<Array<f64, D>> {
-    let Ok(array) = value.cast::<PyArray<f64, D>>() else {
+/// What Python calls the elements of an array.
+trait Named: Element + Clone {
+    const NAME: &'static str;
+    /// What `dtype=` is set to for a conversion.
+    const KIND: &'static str;
+}
+
+impl Named for f64 {
+    const NAME: &'static str = "float64";
+    const KIND: &'static str = "float";
+}
+
+impl Named for Complex {
+    const NAME: &'static str = "complex128";
+    const KIND: &'static str = "complex";
+}
+
+fn owned<T: Named, D: Dimension>(argument: &str, dimensions: &str, value: &Bound<'_, PyAny>) -> PyResult<Array<T, D>> {
+    let Ok(array) = value.cast::<PyArray<T, D>>() else {
         let found = match value.cast::<PyUntypedArray>() {
             Ok(array) => format!("an array of {} with shape {}", array.dtype(), array.getattr("shape")?),
             Err(_) => format!("a {}", value.get_type().name()?),
         };
         return Err(InputError::new_err(format!(
-            "{argument}: found {found}, expected a {dimensions} array of float64; convert it with \
-             np.asarray(..., dtype=float) and check its shape"
+            "{argument}: found {found}, expected a {dimensions} array of {}; convert it with \
+             np.asarray(..., dtype={}) and check its shape",
+            T::NAME,
+            T::KIND,
         )));
     };
-    // Fields of packed records lie between the addresses that Rust may read a float from; numpy copies them out.
+    // Fields of packed records lie between the addresses that Rust may read a number from; numpy copies them out.
     let aligned = if array.is_aligned() { array.clone() } else { array.call_method0("copy")?.cast_into()? };
     Ok(aligned.readonly().as_array().to_owned())
+}
+
+/// Refuses two lengths that must be the same and are not.
+pub fn same(what: &str, expected: usize, found: usize) -> PyResult<()> {
+    if expected == found {
+        return Ok(());
+    }
+    Err(Failure::from(Error::Shape { what: what.into(), expected, found }).into())
 }
 
 fn mistake(error: impl Display) -> PyErr {

@@ -70,6 +70,12 @@ impl<S: System> System for Interruptible<S> {
     fn output_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
         self.system.output_jacobian(mode, at, out);
     }
+    fn input_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
+        self.system.input_jacobian(mode, at, out);
+    }
+    fn period(&self, p: &[f64]) -> Option<f64> {
+        self.system.period(p)
+    }
     fn guards(&self, mode: usize) -> &[Guard] {
         self.system.guards(mode)
     }

@@ -2,34 +2,62 @@
 //!
 //! Read in order: [`error`] (how failures arrive), [`door`] (how work is done without holding the interpreter),
 //! [`array`] (how numbers cross), [`interrupt`] (how a simulation is stopped), then the nouns [`model`], [`recording`] and
-//! [`trajectory`], and the verbs [`simulate`], [`diagnose`] and [`conceal`].
+//! [`trajectory`], the verbs [`simulate`], [`diagnose`] and [`conceal`], what is read from unclocked recordings ([`unclocked`],
+//! [`arx`] and [`section`]), and what experiments put in ([`signals`]).
 
 mod array;
+mod arx;
 mod conceal;
+mod cycle;
 mod diagnose;
 mod door;
 mod error;
+mod htf;
+mod identify;
 mod interrupt;
+mod linearize;
 mod model;
 mod recording;
+mod section;
+mod signals;
 mod simulate;
 mod trajectory;
+mod unclocked;
 
 /// The compiled half of the package `ltp`; use the names of `ltp` instead.
 #[pyo3::pymodule(gil_used = false)]
 mod _ltp {
     #[pymodule_export]
+    use crate::arx::{HeldOut, PeriodicArx, identify_arx};
+    #[pymodule_export]
     use crate::conceal::conceal;
+    #[pymodule_export]
+    use crate::cycle::{LimitCycle, cycle};
     #[pymodule_export]
     use crate::diagnose::{Diagnosis, diagnose};
     #[pymodule_export]
     use crate::error::{ConvergenceError, InputError};
     #[pymodule_export]
+    use crate::htf::Htf;
+    #[pymodule_export]
+    use crate::identify::{identify, rests};
+    #[pymodule_export]
+    use crate::linearize::{LtpSystem, linearize};
+    #[pymodule_export]
     use crate::model::{Model, effect_names, effect_text, unit_factor, zoo_names, zoo_text};
     #[pymodule_export]
     use crate::recording::Recording;
     #[pymodule_export]
+    use crate::section::identify_map;
+    #[pymodule_export]
+    use crate::signals::{
+        ExperimentPlan, Multisine, add_noise, chirp, e_rms, multisine_lines, noise, phase_shifted_chirps, relative_rms,
+        rms_error, settling_periods, sine, step,
+    };
+    #[pymodule_export]
     use crate::simulate::simulate;
     #[pymodule_export]
     use crate::trajectory::Trajectory;
+    #[pymodule_export]
+    use crate::unclocked::{Phase, cycle_average, phase_from_events, switch_events};
 }

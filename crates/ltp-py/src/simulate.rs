@@ -58,7 +58,7 @@ pub fn simulate(
     let model = model.core();
     let (inputs, plan) = door::short(py, || {
         let mut plan = grid(&t, step)?;
-        plan.initial_state = initial(model, &system, &start)?;
+        plan.initial_state = Some(initial(model, &system, "initial_state", &start)?);
         plan.initial_mode = initial_mode.map(|mode| model.mode(mode)).transpose()?;
         Ok((sampled(driven.as_ref().unwrap_or(model), samples, hold_named(hold)?, &plan)?, plan))
     })?;
@@ -117,20 +117,20 @@ fn grid(t: &[f64], step: Option<f64>) -> Result<Plan> {
     }
 }
 
-/// The model's initial state with some values replaced.
-fn initial(model: &model::Model, system: &Compiled, given: &[(String, f64)]) -> Result<Option<Vec<f64>>> {
+/// The model's initial state with some values replaced; `argument` is what errors call them.
+pub fn initial(model: &model::Model, system: &Compiled, argument: &str, given: &[(String, f64)]) -> Result<Vec<f64>> {
     let mut x = system.initial_state();
     for (name, value) in given {
         let Some(i) = model.states().iter().position(|state| state == name) else {
-            return Err(unknown("state", name, model.states(), "initial_state"));
+            return Err(unknown("state", name, model.states(), argument));
         };
         if !value.is_finite() {
             let expected = format!("a finite number in {}; correct it", model.unit(name).unwrap_or("its unit"));
-            return Err(Error::OutOfRange { what: format!("initial_state `{name}`"), found: *value, expected });
+            return Err(Error::OutOfRange { what: format!("{argument} `{name}`"), found: *value, expected });
         }
         x[i] = *value;
     }
-    Ok(Some(x))
+    Ok(x)
 }
 
 /// Inputs through samples; those that are not given take the default of the document.
@@ -169,7 +169,8 @@ fn checked(name: &str, values: Vec<f64>, expected: usize) -> Result<Vec<f64>> {
     }
 }
 
-fn unknown<S: AsRef<str>>(kind: &str, name: &str, known: &[S], context: &str) -> Error {
+/// An error that names what there is instead.
+pub fn unknown<S: AsRef<str>>(kind: &str, name: &str, known: &[S], context: &str) -> Error {
     let nearest = nearest(name, known.iter().map(AsRef::as_ref));
     Error::UnknownName { kind: kind.into(), name: name.into(), nearest, context: context.into() }
 }

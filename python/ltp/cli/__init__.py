@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from ltp._ltp import ConvergenceError, InputError
-from ltp.cli import demo, diagnose, simulate, zoo
+from ltp.cli import cycle, demo, diagnose, identify, linearize, reproduce, simulate, zoo
 from ltp.cli.common import EXIT_CODES, Formatter
 
 __all__ = ["main"]
 
-_COMMANDS = (simulate, diagnose, zoo, demo)
+_COMMANDS = (simulate, cycle, linearize, identify, diagnose, zoo, demo, reproduce)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -51,8 +51,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="ltp",
-        description="Explains periodic and hybrid mechanical systems from their recordings: simulate a model,\n"
-        "compare it with what was measured, and name the physics that was left out.",
+        description="Explains periodic and hybrid mechanical systems from their recordings: simulate a model, find\n"
+        "its periodic orbit and transfer functions, compare it with what was measured, and name the physics that was\n"
+        "left out.",
         epilog=EXIT_CODES,
         formatter_class=Formatter,
     )

@@ -8,12 +8,15 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ltp import zoo
 from ltp._ltp import InputError
 from ltp.model import Model
 from ltp.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 EXIT_CODES = """\
 exit codes:
@@ -61,6 +64,34 @@ def add_model(parser: argparse.ArgumentParser) -> None:
 def add_json(parser: argparse.ArgumentParser) -> None:
     """The option `--json`."""
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on standard output")
+
+
+def add_orbit(parser: argparse.ArgumentParser) -> None:
+    """The options that say which periodic orbit is meant."""
+    parser.add_argument(
+        "--start",
+        action="append",
+        default=[],
+        metavar="STATE=VALUE",
+        help="start here, in the state's unit, instead of where the document does; may be repeated",
+    )
+    parser.add_argument("--mode", metavar="NAME", help="the mode to start in")
+    parser.add_argument("--period", type=float, metavar="S", help="period, s (default: that of the clock)")
+    parser.add_argument("--settle", type=int, metavar="N", help="periods to simulate first (default: as needed)")
+
+
+def orbit_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What :func:`add_orbit` was given, as keyword arguments of `ltp.cycle`."""
+    start = numbers("--start", arguments.start) or None
+    return {"start": start, "mode": arguments.mode, "period": arguments.period, "settle": arguments.settle}
+
+
+def as_svg(figure: Figure, description: str) -> str:
+    """A figure as the text of an SVG file of its own, on white."""
+    from ltp.plots.svg import to_svg  # drawing is slow to import
+
+    head, _, body = to_svg(figure, "ltp", description).partition(">")
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{head} style="background:#ffffff">{body}\n'
 
 
 def load_model(arguments: argparse.Namespace) -> Model:

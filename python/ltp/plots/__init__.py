@@ -1,4 +1,6 @@
-"""Figures of a diagnosis, as matplotlib ``Figure`` objects; the report embeds them and users may save them.
+"""Figures of a diagnosis and of rhythmic recordings, as matplotlib ``Figure`` objects.
+
+The report embeds them, and users may save them.
 
 >>> from ltp import plots
 >>> figure = plots.ranking([plots.Candidate("coulomb_friction at drive", 0.0, -5210.0, True, "named")])
@@ -14,21 +16,27 @@ from .parameters import Shift, absorbed
 from .ranking import Candidate, ranking
 from .style import COLORS
 from .svg import to_svg
+from .unclocked import Action, MeanCycle, Trial, held_out_runs, mean_cycle
 
 __all__ = [
     "COLORS",
+    "Action",
     "Candidate",
     "Curves",
     "ErrorRow",
     "Force",
     "Law",
+    "MeanCycle",
     "Shift",
+    "Trial",
     "Units",
     "absorbed",
     "axis_of",
     "comparison",
     "errors",
+    "held_out_runs",
     "leaves_frame",
+    "mean_cycle",
     "missing_force",
     "ranking",
     "to_svg",

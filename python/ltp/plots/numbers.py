@@ -14,7 +14,8 @@ NBSP = "\u00a0"
 # Units that people read with prefixes, and the largest useful prefix exponent ("k" for newtons, none for seconds).
 _PREFIXABLE = {"m": 3, "s": 0, "N": 6, "N m": 6, "V": 3, "A": 3, "rad": 0, "Hz": 9, "W": 9, "J": 9, "Pa": 9}
 _PREFIX = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-_SUPERSCRIPT = str.maketrans("0123456789-−+.", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻⁺·")
+#: Digits and signs as they stand in exponents.
+SUPERSCRIPT = str.maketrans("0123456789-−+.", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻⁺·")
 _SPELLING = {"deg": "°", "um": "µm", "us": "µs", "ohm": "Ω", "Ohm": "Ω"}
 
 
@@ -33,7 +34,7 @@ def pretty_unit(unit: str | None) -> str:
     if unit is None or unit.strip() in ("", "1"):
         return ""
     bare = re.sub(r"\^\(([-−+]?[0-9.]+)\)", r"^\1", unit.strip())
-    raised = re.sub(r"\^([-−+]?[0-9.]+)", lambda m: m.group(1).translate(_SUPERSCRIPT), bare)
+    raised = re.sub(r"\^([-−+]?[0-9.]+)", lambda m: m.group(1).translate(SUPERSCRIPT), bare)
     spelled = re.sub(r"[^\W\d_]+", lambda m: _SPELLING.get(m.group(0), m.group(0)), raised)
     return re.sub(r"[ *]+", "·", re.sub(r" */ *", "/", spelled))
 
@@ -66,7 +67,7 @@ def significant(value: object, digits: int = 3) -> str:
     exponent = int(power)
     if -3 <= exponent < 5:
         return minus(f"{float(f'{number:.{digits - 1}e}'):.{max(0, digits - 1 - exponent)}f}")
-    return f"{minus(mantissa)}{NBSP}×{NBSP}10{str(exponent).translate(_SUPERSCRIPT)}"
+    return f"{minus(mantissa)}{NBSP}×{NBSP}10{str(exponent).translate(SUPERSCRIPT)}"
 
 
 def minus(text: str) -> str:
@@ -107,7 +108,7 @@ def quantity(value: object, unit: str | None = None, sd: object = None, digits: 
     power = largest if not -3 <= largest < 5 else 0
     body = _plus_minus(number / 10.0**power, spread / 10.0**power)
     if power:
-        return with_unit(f"({body}){NBSP}×{NBSP}10{str(power).translate(_SUPERSCRIPT)}", printed)
+        return with_unit(f"({body}){NBSP}×{NBSP}10{str(power).translate(SUPERSCRIPT)}", printed)
     return with_unit(f"({body})" if printed == "°" else body, printed)
 
 

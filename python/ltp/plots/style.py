@@ -5,7 +5,8 @@ Figures are matplotlib ``Figure`` objects made without pyplot, so nothing is reg
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
@@ -18,7 +19,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from .decimate import Array
-from .numbers import minus
+from .numbers import SUPERSCRIPT, minus
 
 #: Colour of each role on a light page. No two roles share a value: the report turns each into a CSS variable of the
 #: same name, and so the same figure is readable on a dark page. Chosen to stay apart for colour-blind readers.
@@ -103,12 +104,32 @@ def figure_legend(figure: Figure, axes: Axes, swatches: dict[str, str] | None = 
     figure.legend(handles, labels, loc="outside upper left", ncols=4, handlelength=1.6, borderpad=0.1)
 
 
+def shared_legend(figure: Figure, panels: Iterable[Axes]) -> None:
+    """The labelled artists of all panels, each label once, in one row above them."""
+    seen: dict[str, Any] = {}
+    for axes in panels:
+        handles, labels = axes.get_legend_handles_labels()
+        seen |= {name: handle for name, handle in zip(labels, handles, strict=True) if name not in seen}
+    figure.legend(list(seen.values()), list(seen), loc="outside upper left", ncols=6, handlelength=1.6, borderpad=0.1)
+
+
 def plain_ticks(axes: Axes, x: int | None = 7, y: int | None = 5) -> None:
     """At most ``x`` and ``y`` intervals with plain decimal labels; ``None`` leaves that axis alone."""
     for axis, count in ((axes.xaxis, x), (axes.yaxis, y)):
         if count is not None:
             axis.set_major_locator(MaxNLocator(nbins=count, steps=[1, 2, 2.5, 5, 10]))
             axis.set_major_formatter(FuncFormatter(lambda value, _: minus(f"{value:.10g}")))
+
+
+def decade_ticks(axes: Axes, low: float, high: float) -> None:
+    """A logarithmic y axis from `low` to `high` with powers of ten in plain text, at most eight of them."""
+    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
+    step = max(1, math.ceil((last - first) / 8))
+    powers = range(last, first - 1, -step)
+    axes.set_yscale("log")
+    axes.set_yticks([10.0**k for k in powers], [f"10{str(k).translate(SUPERSCRIPT)}" for k in powers])
+    axes.minorticks_off()
+    axes.set_ylim(low, high)
 
 
 def hide_spines(axes: Axes, *names: str) -> None:

@@ -21,6 +21,8 @@
 
 mod axis;
 
+use std::time::{Duration, Instant};
+
 use super::Spectra;
 use crate::error::{Error, Result};
 use crate::numeric::Complex;
@@ -63,7 +65,8 @@ pub enum Solver {
 /// Harmonic transfer functions with standard deviations and coherence.
 ///
 /// Figures: `smoothness`, `gcv` (of the first output), `noise_sd` (per output, in its unit, of a sample), `frequencies` and
-/// `unknowns` (complex, of both halves), `equations` (of one half) and `determined` (of them, what the unknowns use up).
+/// `unknowns` (complex, of both halves), `equations` (of one half) and `determined` (of them, what the unknowns use up),
+/// `solve_seconds` (of the solution alone).
 ///
 /// # Errors
 /// `OutOfRange` for a smoothness that is not positive, `NoConvergence` when the data leave the problem singular.
@@ -84,12 +87,16 @@ pub fn identify(spectra: &Spectra, options: &super::Options, own: &Options) -> R
         Some(smoothness) => smoothness,
         None => cross_validate(&observations, &end, &data, &mut warnings)?,
     };
+    let began = Instant::now();
     let smoother = Smoother::new(&observations, smoothness, &end)?;
+    let factored = began.elapsed();
     let uncertainty = smoother.uncertainty();
+    let began = Instant::now();
     let fits: Vec<Estimate> = match own.solver {
         Solver::Smoother => data.iter().map(|y| smoother.solve(y)).collect::<Result<_>>()?,
         Solver::Banded => banded(spectra, &axis, smoothness)?,
     };
+    let solved = began.elapsed() + if own.solver == Solver::Smoother { factored } else { Duration::ZERO };
     let free: f64 = uncertainty.remaining.iter().sum();
     let rows = axis.rows() as f64;
     if free < DOUBTFUL * rows {
@@ -111,6 +118,7 @@ pub fn identify(spectra: &Spectra, options: &super::Options, own: &Options) -> R
         figure("unknowns", frequencies * unknowns as f64),
         figure("equations", rows),
         figure("determined", rows - free),
+        figure("solve_seconds", solved.as_secs_f64()),
     ];
     let noise = fits.iter().map(|fit| (power(&fit.residuals) / free).sqrt());
     htf.figures.extend(noise.map(|sd| figure("noise_sd", sd)));

@@ -23,6 +23,7 @@ pub struct Compiled {
     backend: Backend,
     modes: Vec<OnceLock<ModeValues>>,
     jacobians: Vec<OnceLock<ModeJacobians>>,
+    input_jacobians: Vec<OnceLock<Program>>,
     event_jacobians: Vec<OnceLock<EventJacobians>>,
     steppers: Vec<OnceLock<Option<Stepper>>>,
     ticks: Vec<Vec<Program>>,
@@ -106,6 +107,7 @@ impl Compiled {
             backend,
             modes: (0..n).map(|_| OnceLock::new()).collect(),
             jacobians: (0..n).map(|_| OnceLock::new()).collect(),
+            input_jacobians: (0..n).map(|_| OnceLock::new()).collect(),
             event_jacobians: (0..n).map(|_| OnceLock::new()).collect(),
             steppers: (0..n).map(|_| OnceLock::new()).collect(),
             ticks,
@@ -208,6 +210,17 @@ impl Compiled {
             let mut programs = Program::compile(&e.graph, &[&flow, &output], self.backend).into_iter();
             let mut next = || programs.next().expect("as many programs as groups");
             ModeJacobians { flow: next(), output: next() }
+        })
+    }
+
+    /// Derivatives by the inputs: asked for once per node of a linearization, so not worth machine code.
+    fn by_inputs(&self, mode: usize) -> &Program {
+        self.input_jacobians[mode].get_or_init(|| {
+            let mut e = self.expressions(mode);
+            let rows = [e.flow.as_slice(), e.output.as_slice()].concat();
+            let by: Vec<Vec<Id>> = (0..self.inputs).map(|j| e.graph.derivative(&rows, Symbol::Input(j))).collect();
+            let all: Vec<Id> = (0..rows.len()).flat_map(|i| by.iter().map(move |c| c[i])).collect();
+            Program::plain(&e.graph, &all)
         })
     }
 
@@ -350,6 +363,15 @@ impl System for Compiled {
     }
     fn output_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
         self.jacobian(mode).output.eval(at, out);
+    }
+    fn input_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
+        self.by_inputs(mode).eval(at, out);
+    }
+    fn period(&self, p: &[f64]) -> Option<f64> {
+        let period = Program::plain(&self.assembly.graph, &[self.assembly.period?]);
+        let mut value = [0.0];
+        period.eval(Point { t: 0.0, x: &[], u: &[], p }, &mut value);
+        Some(value[0])
     }
     fn guards(&self, mode: usize) -> &[Guard] {
         &self.mode(mode).guards

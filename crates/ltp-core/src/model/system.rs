@@ -7,6 +7,7 @@
 //! | `flow_jacobian` | `nx + nx*nx + nx*nf` | rates, d/dx, d/dp |
 //! | `output_jacobian` | `ny + ny*nx + ny*nf` | outputs, d/dx, d/dp |
 //! | `guard_jacobian` | `1 + nx + nf + 1 + nu` | guard, d/dx, d/dp, d/dt, d/du |
+//! | `input_jacobian` | `nx*nu + ny*nu` | d(rates)/du, d(outputs)/du |
 //! | `reset_jacobian` | `nx + nx*nx + nx*nf + nx + nx*nu` | state after, d/dx, d/dp, d/dt, d/du |
 //!
 //! `nf` counts the *free* parameters, those that derivatives are taken for; `p` always holds all of them.
@@ -76,6 +77,25 @@ pub trait System: Send + Sync {
     fn output_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
         difference(self.outputs(), at, self.free(), out, &mut |at, v| self.output(mode, at, v));
     }
+    /// Derivatives of rates and outputs by the inputs; central differences where not written out.
+    fn input_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
+        let (nx, ny, nu) = (self.states(), self.outputs(), self.inputs());
+        let (mut high, mut low) = (vec![0.0; nx + ny], vec![0.0; nx + ny]);
+        let mut u = at.u.to_vec();
+        for j in 0..nu {
+            let h = f64::EPSILON.cbrt() * at.u[j].abs().max(1.0);
+            for (shift, out) in [(h, &mut high), (-h, &mut low)] {
+                u[j] = at.u[j] + shift;
+                let (rates, outputs) = out.split_at_mut(nx);
+                self.flow(mode, Point { u: &u, ..at }, rates);
+                self.output(mode, Point { u: &u, ..at }, outputs);
+            }
+            u[j] = at.u[j];
+            for i in 0..nx + ny {
+                out[i * nu + j] = (high[i] - low[i]) / (2.0 * h);
+            }
+        }
+    }
     /// Guards watched in a mode, in the order in which simultaneous ones fire.
     fn guards(&self, _mode: usize) -> &[Guard] {
         &[]
@@ -132,6 +152,10 @@ pub trait System: Send + Sync {
     /// The mode that fits a state set from outside: slip or stick of dry friction.
     fn settle(&self, mode: usize, _at: Point<'_>) -> usize {
         mode
+    }
+    /// Period of the clock under given parameters, s; `None` without a clock.
+    fn period(&self, _p: &[f64]) -> Option<f64> {
+        None
     }
     /// Sampled updates with their schedules under given parameters.
     fn ticks(&self, _p: &[f64]) -> Vec<Schedule> {

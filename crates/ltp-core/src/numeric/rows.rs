@@ -122,6 +122,15 @@ impl RowQr {
         Some(x)
     }
 
+    /// Smallest share, over the columns, of a column's norm that is not in the span of the columns before it.
+    ///
+    /// Near the rounding error when some column is a combination of others, whatever the columns' units; a
+    /// [`minimiser`](Self::minimiser) exists then, and is noise.
+    pub fn independence(&mut self) -> f64 {
+        let r = self.r();
+        (0..self.unknowns).map(|j| r[(j, j)].abs() / r.column(j).norm()).fold(1.0, |a, b| if b >= a { a } else { b })
+    }
+
     /// Folds the waiting rows into the triangle.
     fn reduce(&mut self) {
         let (width, m) = (self.unknowns + 1, self.waiting);
@@ -255,6 +264,22 @@ mod tests {
         large.push(&[3e200], -3e200);
         large.push(&[4e200], -4e200);
         assert!((large.minimiser().expect("finite")[0] - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn dependence_is_seen_in_any_units() {
+        let columns = |share: f64| {
+            DMatrix::from_fn(90, 3, |i, j| match j {
+                0 => 1e6 * entry(i, 0),
+                1 => 1e-6 * entry(i, 1),
+                _ => entry(i, 0) - 3.0 * entry(i, 1) + share * entry(i, 2),
+            })
+        };
+        let b = DVector::from_fn(90, |i, _| entry(i, 9));
+        assert!(pushed(&columns(0.0), &b).independence() < 1e-14);
+        let share = pushed(&columns(1e-6), &b).independence();
+        assert!((1e-8..1e-6).contains(&share), "{share}");
+        assert!(pushed(&DMatrix::zeros(90, 3), &b).independence().is_nan());
     }
 
     proptest! {

@@ -1,0 +1,153 @@
+"""Owns `ltp.linearize` and the noun `LtpSystem` in Python: a model around its orbit, linear, periodic, with jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from ltp import _ltp
+from ltp._ltp import InputError
+from ltp.cycle import LimitCycle
+from ltp.htf import Htf
+from ltp.model import Model
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Jump:
+    """What an event does to a deviation: `x+ = state x- + input u`, at `time` (s) in the period.
+
+    `state` (nx, nx) is the saltation matrix, `input` (nx, nu) what the input does by moving the event.
+    """
+
+    name: str
+    time: float
+    state: Array
+    input: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LtpSystem:
+    """A linear time-periodic system with jumps: `x' = A(t) x + B(t) u`, `y = C(t) x + D(t) u`, jumps at events.
+
+    Deviations from the orbit; `period` in s, time zero is that of the clock; `multipliers` (nx,) and `monodromy`
+    (nx, nx) are those of one period from time zero, jumps included. Names are those of the model.
+    """
+
+    period: float
+    jumps: list[Jump]
+    multipliers: npt.NDArray[np.complex128]
+    monodromy: Array
+    state_names: list[str]
+    input_names: list[str]
+    output_names: list[str]
+    _core: _ltp.LtpSystem = field(repr=False)
+
+    def A(self, t: float) -> Array:
+        """Dynamics (nx, nx) at time `t`, s; at a jump, those just after."""
+        return self._core.matrix("A", float(t))
+
+    def B(self, t: float) -> Array:
+        """Input matrix (nx, nu) at time `t`, s."""
+        return self._core.matrix("B", float(t))
+
+    def C(self, t: float) -> Array:
+        """Output matrix (ny, nx) at time `t`, s."""
+        return self._core.matrix("C", float(t))
+
+    def D(self, t: float) -> Array:
+        """Feedthrough (ny, nu) at time `t`, s."""
+        return self._core.matrix("D", float(t))
+
+    def htf(self, omega: npt.ArrayLike, harmonics: int) -> Htf:
+        """Exact harmonic transfer functions at input frequencies `omega` (rad/s, from zero up), harmonics -K to K.
+
+        From the periodic steady state: nothing of the state is truncated, however many harmonics are asked for. Raises
+        `InputError` at a frequency where a multiplier of modulus one resonates, since no response exists there.
+        """
+        _check_harmonics("htf", harmonics)
+        return Htf.wrap(self._core.htf(_vector("omega", omega), harmonics))
+
+    def simulate(self, u: npt.ArrayLike, dt: float, *, t0: float = 0.0) -> Array:
+        """Outputs (n, ny) under inputs `u`, (n,) or (n, nu), every `dt` seconds from the clock's time `t0`, from rest.
+
+        Inputs run straight between samples; a sample at the instant of a jump sees the state after it. Raises
+        `InputError` for inputs that are not finite or have another number of columns.
+        """
+        samples = _vector("u", u)
+        columns = samples[:, np.newaxis] if samples.ndim == 1 else samples
+        return self._core.simulate(columns, float(t0), float(dt))
+
+    def lift(self, truncation: int) -> npt.NDArray[np.complex128]:
+        """The matrix `A - N` of the harmonic state space, blocks -truncation to truncation, of order (2N+1) nx.
+
+        Raises `InputError` for a system with jumps, which has no Fourier series that converges.
+        """
+        _check_harmonics("lift", truncation)
+        return self._core.lift(truncation)
+
+    def lifted_htf(self, omega: npt.ArrayLike, harmonics: int, truncation: int) -> Htf:
+        """As `htf`, by the harmonic state space truncated at `truncation`: a second route, for smooth systems."""
+        _check_harmonics("lifted_htf", harmonics)
+        return Htf.wrap(self._core.lifted_htf(_vector("omega", omega), harmonics, truncation))
+
+    def __repr__(self) -> str:
+        return (
+            f"<ltp.LtpSystem period {self.period:g} s, {len(self.jumps)} jumps; states: {', '.join(self.state_names)}; "
+            f"inputs: {', '.join(self.input_names)}; outputs: {', '.join(self.output_names)}>"
+        )
+
+
+def linearize(
+    model: Model, cycle: LimitCycle, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
+) -> LtpSystem:
+    """The linear time-periodic system of `model` around `cycle`, through its events.
+
+    inputs, outputs: names of those to keep, in this order; all by default.
+
+    Raises `InputError` for a name that is not there or an orbit of another model, `ConvergenceError` where the orbit is
+    not resolved.
+    """
+    core = _ltp.linearize(model._core, cycle._core)
+    chosen_inputs = _chosen("input", inputs, model.inputs, model)
+    chosen_outputs = _chosen("output", outputs, model.outputs, model)
+    if inputs is not None or outputs is not None:
+        core = core.select(
+            [model.inputs.index(name) for name in chosen_inputs],
+            [model.outputs.index(name) for name in chosen_outputs],
+        )
+    return LtpSystem(
+        period=core.period,
+        jumps=[Jump(*jump) for jump in core.jumps],
+        multipliers=core.multipliers,
+        monodromy=core.monodromy,
+        state_names=model.states,
+        input_names=chosen_inputs,
+        output_names=chosen_outputs,
+        _core=core,
+    )
+
+
+def _chosen(kind: str, wanted: Sequence[str] | None, known: Sequence[str], model: Model) -> list[str]:
+    if wanted is None:
+        return list(known)
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"linearize: {model.name!r} has no {kind} {name!r}; it has {', '.join(known) or 'none'}")
+    return list(wanted)
+
+
+def _check_harmonics(verb: str, harmonics: int) -> None:
+    if harmonics < 0:
+        raise InputError(f"{verb}: harmonics is {harmonics}, expected the largest harmonic, from 0 on; correct it")
+
+
+def _vector(name: str, values: npt.ArrayLike) -> Array:
+    try:
+        return np.atleast_1d(np.asarray(values, dtype=np.float64))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: not an array of real numbers ({error}); convert it") from None

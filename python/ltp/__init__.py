@@ -12,21 +12,6 @@ from typing import TYPE_CHECKING
 from ltp import metrics, signals, zoo
 from ltp._ltp import ConvergenceError, InputError
 from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
-from ltp.cycles import (
-    Cycle,
-    CycleAverage,
-    HeldOut,
-    PeriodicArx,
-    Phase,
-    Ratio,
-    SectionMap,
-    StepResponse,
-    cycle_average,
-    identify_arx,
-    identify_map,
-    phase_from_events,
-    switch_times,
-)
 from ltp.diagnose import (
     Candidate,
     Diagnosis,
@@ -45,6 +30,21 @@ from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
 from ltp.recording import Recording
 from ltp.simulate import Event, Stop, Trajectory, simulate
+from ltp.unclocked import (
+    Cycle,
+    CycleAverage,
+    HeldOut,
+    PeriodicArx,
+    Phase,
+    Ratio,
+    SectionMap,
+    StepResponse,
+    cycle_average,
+    identify_arx,
+    identify_map,
+    phase_from_events,
+    switch_times,
+)
 
 __all__ = [
     "Candidate",

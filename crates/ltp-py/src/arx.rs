@@ -5,8 +5,8 @@ use numpy::{PyArray2, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::cycles::Phase;
 use crate::recording::Recording;
+use crate::unclocked::Phase;
 use crate::{array, door};
 
 /// A discrete linear time-periodic model with coefficients over phase.

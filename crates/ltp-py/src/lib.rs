@@ -2,14 +2,13 @@
 //!
 //! Read in order: [`error`] (how failures arrive), [`door`] (how work is done without holding the interpreter),
 //! [`array`] (how numbers cross), [`interrupt`] (how a simulation is stopped), then the nouns [`model`], [`recording`] and
-//! [`trajectory`], the verbs [`simulate`], [`diagnose`] and [`conceal`], what is read from unclocked recordings ([`cycles`],
+//! [`trajectory`], the verbs [`simulate`], [`diagnose`] and [`conceal`], what is read from unclocked recordings ([`unclocked`],
 //! [`arx`] and [`section`]), and what experiments put in ([`signals`]).
 
 mod array;
 mod arx;
 mod conceal;
 mod cycle;
-mod cycles;
 mod diagnose;
 mod door;
 mod error;
@@ -23,6 +22,7 @@ mod section;
 mod signals;
 mod simulate;
 mod trajectory;
+mod unclocked;
 
 /// The compiled half of the package `ltp`; use the names of `ltp` instead.
 #[pyo3::pymodule(gil_used = false)]
@@ -33,8 +33,6 @@ mod _ltp {
     use crate::conceal::conceal;
     #[pymodule_export]
     use crate::cycle::{LimitCycle, cycle};
-    #[pymodule_export]
-    use crate::cycles::{Phase, cycle_average, phase_from_events, switch_events};
     #[pymodule_export]
     use crate::diagnose::{Diagnosis, diagnose};
     #[pymodule_export]
@@ -60,4 +58,6 @@ mod _ltp {
     use crate::simulate::simulate;
     #[pymodule_export]
     use crate::trajectory::Trajectory;
+    #[pymodule_export]
+    use crate::unclocked::{Phase, cycle_average, phase_from_events, switch_events};
 }

@@ -5,8 +5,8 @@ use numpy::{Complex64, IntoPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::cycles::Phase;
 use crate::recording::Recording;
+use crate::unclocked::Phase;
 use crate::{array, door};
 
 /// Estimates the map of the section at a phase; `coordinates` are (channel, whether its rate is meant).

@@ -10,13 +10,13 @@ The report embeds them, and users may save them.
 from __future__ import annotations
 
 from .curves import Curves, comparison, leaves_frame
-from .cycles import Action, MeanCycle, Trial, held_out_runs, mean_cycle
 from .errors import ErrorRow, errors
 from .force import Force, Law, Units, axis_of, missing_force
 from .parameters import Shift, absorbed
 from .ranking import Candidate, ranking
 from .style import COLORS
 from .svg import to_svg
+from .unclocked import Action, MeanCycle, Trial, held_out_runs, mean_cycle
 
 __all__ = [
     "COLORS",

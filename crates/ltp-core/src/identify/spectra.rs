@@ -135,8 +135,7 @@ impl Spectra {
             excited: Vec::new(),
             warnings,
         };
-        spectra.excited =
-            (0..spectra.inputs()).map(|i| edge(&spectra.input_power(i)) as f64 * spectra.window()).collect();
+        spectra.excited = (0..spectra.inputs()).map(|i| spectra.edge(i) as f64 * spectra.window()).collect();
         spectra.band = spectra.find_band(options)?;
         spectra.check_nyquist(options)?;
         Ok(spectra)
@@ -214,6 +213,29 @@ impl Spectra {
         self.pumping() / WINDOWS
     }
 
+    /// Power per line that a window of input must exceed to be told from white noise of power `noise`.
+    pub(super) fn above_noise(&self, noise: f64) -> f64 {
+        let lines: f64 = self.records.iter().map(|r| self.window() / r.spacing()).sum();
+        noise * (1.0 + 8.0 / lines.max(1.0).sqrt())
+    }
+
+    /// Number of windows up to the edge of input `i`'s band: from there on, every window has far less power than those just
+    /// below, or none above a floor as white noise has it.
+    fn edge(&self, i: usize) -> usize {
+        let power = self.input_power(i);
+        let mut rest = vec![0.0_f64; power.len() + 1];
+        for i in (0..power.len()).rev() {
+            rest[i] = rest[i + 1].max(power[i]);
+        }
+        let below = |i: &usize| rest[*i] < EDGE * stats::median(&power[i.saturating_sub(3)..*i]);
+        let drop = (1..power.len()).find(below).unwrap_or(power.len());
+        let floor = self.above_noise(stats::median(&power[power.len() / 2..]));
+        match power.iter().rposition(|p| *p > floor) {
+            Some(last) if 2 * (last + 1) < power.len() => drop.min(last + 1),
+            _ => drop,
+        }
+    }
+
     /// The band: what was asked for, or what the weakest input excites; with a complaint where it has no power.
     fn find_band(&mut self, options: &Options) -> Result<f64> {
         let width = self.window();
@@ -229,9 +251,8 @@ impl Spectra {
             let inside = &power[..((band / width).ceil() as usize).clamp(1, power.len())];
             let excited = &power[..((edge / width).ceil() as usize).clamp(1, power.len())];
             // White noise on a measured input is no excitation: the lines above the band show its level.
-            let beyond = &power[(power.len() / 2).max(excited.len()).min(power.len() - 1)..];
-            let level = (NO_POWER * stats::median(excited)).max(4.0 * stats::median(beyond));
-            let level = if excited.len() * 2 > power.len() { NO_POWER * stats::median(excited) } else { level };
+            let noise = if 2 * excited.len() < power.len() { stats::median(&power[power.len() / 2..]) } else { 0.0 };
+            let level = (NO_POWER * stats::median(excited)).max(self.above_noise(noise));
             let gaps = gaps(inside, level);
             let Some(&(from, to)) = gaps.iter().max_by_key(|(from, to)| to - from) else { continue };
             if matches!(options.method, Method::Lines(_)) {
@@ -372,15 +393,6 @@ fn transform(recording: &Recording, period: f64, warnings: &mut Vec<String>) -> 
     let inputs = (0..recording.input_names().len()).map(|i| lines(recording.input(i).collect())).collect();
     let outputs = (0..recording.output_names().len()).map(|j| lines(recording.output(j).collect())).collect();
     Ok(Record { name: name.to_owned(), samples, dt, periods, spacing, start, inputs, outputs })
-}
-
-/// Number of windows up to the edge of the band: from there on, every window has far less power than those just below.
-fn edge(power: &[f64]) -> usize {
-    let mut rest = vec![0.0_f64; power.len() + 1];
-    for i in (0..power.len()).rev() {
-        rest[i] = rest[i + 1].max(power[i]);
-    }
-    (1..power.len()).find(|&i| rest[i] < EDGE * stats::median(&power[i.saturating_sub(3)..i])).unwrap_or(power.len())
 }
 
 /// Runs of windows below `level`.

@@ -16,8 +16,6 @@ use crate::numeric::{Complex, stats};
 
 /// A line of an input counts when its power is this many times that of the noise.
 const ABOVE_NOISE: f64 = 8.0;
-/// A window of lines counts as excited when its mean power is this many times that of the noise.
-const EXCITED: f64 = 2.0;
 /// Share of an input's power that may be left out beyond the reach of the numerators.
 const LEFT_OUT: f64 = 1e-7;
 /// Pumping frequencies beyond the band to which the numerators reach at most.
@@ -62,8 +60,11 @@ pub(super) fn reach(spectra: &Spectra, band: f64) -> f64 {
     let width = spectra.window();
     let of_input = |i: usize| {
         let noise = spectra.records().iter().map(|r| input_noise(spectra, r, i)).fold(0.0, f64::max);
-        let power: Vec<f64> =
-            spectra.input_power(i).into_iter().map(|p| if p > EXCITED * noise { p - noise } else { 0.0 }).collect();
+        let power: Vec<f64> = spectra
+            .input_power(i)
+            .into_iter()
+            .map(|p| if p > spectra.above_noise(noise) { p - noise } else { 0.0 })
+            .collect();
         let total: f64 = power.iter().sum();
         let mut rest = 0.0;
         let last = (0..power.len()).rev().find(|&at| {

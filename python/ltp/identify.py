@@ -38,9 +38,9 @@ def identify(
     order, reach, transients: of "floquet": the number of multipliers, by default the one with the greatest evidence;
         the input frequency up to which numerators are fitted, rad/s; whether records may begin away from the steady
         state.
-    smoothness, solver: of "curvature": the weight of the curvature in units of the input's power, by default the one with
-        the best cross-validation; and the route, "smoother" (a Kalman smoother along frequency, the default) or "banded"
-        (one system, as published), which find the same.
+    smoothness, solver: of "curvature": the weight of the curvature in units of the input's power, by default the one
+        with the best cross-validation; and the route, "smoother" (a Kalman smoother along frequency, the default) or
+        "banded" (one system, as published), which find the same.
 
     Several recordings of the same channels are taken together. Doubts (few cycles, no power in part of the band) are
     warned of and kept in `warnings`. Raises `InputError` when the recordings cannot be used as asked, with the numbers

@@ -17,6 +17,12 @@ from .decimate import Array, finite_range
 from .style import COLORS, hide_spines, new_figure, plain_ticks, shared_legend, styled
 
 
+#: Errors beyond this, in percent, leave the panel: a prediction of nothing is off by 100.
+MOST = 300.0
+#: The panel shows errors down to the largest over this.
+RANGE = 5e3
+
+
 @dataclass(frozen=True)
 class Line:
     """Errors (n,) in percent at the frequencies `hz` (n,); `role` names a colour of `COLORS`, `dashed` a floor."""
@@ -86,7 +92,8 @@ def _positive(values: Array) -> Array:
 
 def _axes(axes: Axes, low: float, high: float, last: float) -> None:
     """Logarithmic percent, and a frequency axis that gives the low band the room it needs."""
-    low, high = max(low, 1e-3) / 1.3, min(high, 1e3) * 1.3
+    high = min(high, MOST) * 1.3
+    low = max(low / 1.3, high / RANGE)
     axes.set_yscale("log")
     axes.set_ylim(low, high)
     steps = (1, 2, 5) if high / low < 300 else (1,)

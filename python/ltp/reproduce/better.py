@@ -14,14 +14,19 @@ from ltp.reproduce.result import Chapter, Picture, Row
 from ltp.reproduce.rig import MARGIN, Record, Rig
 
 
-def floquet(rig: Rig, record: Record, size: int, *, keep: bool = True) -> ltp.Htf:
+TAILS_HZ = 45.0  # the jumps between chirps have power up to here, and what it does has to be explained
+
+
+def floquet(rig: Rig, record: Record, size: int, tails_hz: float | None = None, *, keep: bool = True) -> ltp.Htf:
     """The estimate with shared Floquet poles and `size` harmonic transfer functions, up to 5 Hz and a margin."""
-    return rig.estimate(record, (size - 1) // 2, keep=keep, method="floquet", band=MARGIN * math.tau * 5.0)
+    reach = None if tails_hz is None else math.tau * tails_hz
+    band = MARGIN * math.tau * 5.0
+    return rig.estimate(record, (size - 1) // 2, keep=keep, method="floquet", band=band, reach=reach)
 
 
 def chapter(rig: Rig) -> Chapter:
     """Errors of both, beside what nobody can beat."""
-    chirped = {size: floquet(rig, rig.chirps, size) for size in (21, 31)}
+    chirped = {size: floquet(rig, rig.chirps, size, TAILS_HZ) for size in (21, 31)}
     record = rig.flat
     sines = {size: floquet(rig, record, size) for size in ((41,) if rig.quick else (21, 31, 41))}
     best = sines[41]

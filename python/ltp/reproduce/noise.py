@@ -129,21 +129,22 @@ def coverage(rig: Rig, htf: ltp.Htf) -> float:
 
 
 def _draw(rig: Rig, shaped: Record) -> Figure:
-    hz = np.array(TESTS)
-    panels = []
-    for title, record, estimate in (
+    band = [hz for hz in rig.frequencies if hz <= 4.5]
+    cases: tuple[tuple[str, Record, Estimate], ...] = (
         ("chirps, Siddiqi", rig.chirps, lambda r: siddiqi(rig, r, smoothness=SIDDIQI, keep=False)),
         ("chirps, Floquet", rig.chirps, lambda r: floquet(rig, r, 21, keep=False)),
         ("shaped multisine, Floquet", shaped, lambda r: floquet(rig, r, 21, keep=False)),
-    ):
+    )
+    panels = []
+    for title, record, estimate in cases:
+        spoiled = {
+            "no noise": (record, "nominal"),
+            "on the input": (spoil(record, 0, on_output=False), "floor"),
+            "on the output": (spoil(record, 0, on_input=False), "rival"),
+            "on both": (spoil(record, 0), "before"),
+        }
         lines = [
-            Line(name, hz, rig.sweep(estimate(each), TESTS), role)
-            for name, each, role in (
-                ("no noise", record, "nominal"),
-                ("on the input", spoil(record, 0, on_output=False), "floor"),
-                ("on the output", spoil(record, 0, on_input=False), "rival"),
-                ("on both", spoil(record, 0), "before"),
-            )
+            Line(name, np.array(band), rig.sweep(estimate(each), band), role) for name, (each, role) in spoiled.items()
         ]
         panels.append(Panel(title, lines))
     return sweep(panels)

@@ -111,7 +111,6 @@ def _lines(rig: Rig, record: Record) -> list[Row]:
     return [
         *_rows(rig, "multisine, n_h 41, line by line", htf, {})[-1:],
         Row("  even distortion over the response, rms", even / answer),
-        Row("  odd distortion over the response, rms", htf.figures["odd_distortion"] / answer),
     ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ltp import _ltp
 from ltp._ltp import InputError
@@ -95,7 +96,7 @@ def rests(recording: Recording | Sequence[Recording], *, period: float) -> list[
 
 
 def _listed(verb: str, recording: Recording | Sequence[Recording]) -> list[Recording]:
-    listed = [recording] if isinstance(recording, Recording) else list(recording)
+    listed: list[Any] = [recording] if isinstance(recording, Recording) else list(recording)
     for one in listed:
         if not isinstance(one, Recording):
             found = type(one).__name__

@@ -131,7 +131,8 @@ class Recording:
             chosen[header] = found[0]
         values = {header: table.numbers(column) for header, column in chosen.items()}
         time = _find_time(table, {}, dt)
-        t = np.arange(len(values[outputs[0]])) * float(dt or 0.0) if time is None else table.numbers(time[0])
+        counted = np.arange(len(values[outputs[0]]), dtype=np.float64) * float(dt or 0.0)
+        t: Array = counted if time is None else table.numbers(time[0])
         _check_lengths(table.source, {"time": t, **values})
         _check_count(table, len(t))
         if time is not None:

@@ -16,7 +16,6 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from .decimate import Array, finite_range
 from .style import COLORS, hide_spines, new_figure, plain_ticks, shared_legend, styled
 
-
 #: Errors beyond this, in percent, leave the panel: a prediction of nothing is off by 100.
 MOST = 300.0
 #: The panel shows errors down to the largest over this.

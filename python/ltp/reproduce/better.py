@@ -13,7 +13,6 @@ from ltp.reproduce.published import siddiqi
 from ltp.reproduce.result import Chapter, Picture, Row
 from ltp.reproduce.rig import MARGIN, Record, Rig
 
-
 TAILS_HZ = 45.0  # the jumps between chirps have power up to here, and what it does has to be explained
 
 
@@ -38,6 +37,7 @@ def chapter(rig: Rig) -> Chapter:
             rig, "multisine, n_h 41", best, {"1 Hz": 0.08, "1/T": 0.25, "worst": 0.6, "step": 0.02, "functions": 1e-4}
         ),
         *_poles(rig, best),
+        *_lines(rig, record),
     ]
     sentence = (
         "All harmonics share their denominator, D = 1 - a1 z - a2 z^2, whose coefficients are trace and determinant of "
@@ -102,6 +102,16 @@ def _poles(rig: Rig, htf: ltp.Htf) -> list[Row]:
             )
         )
     return rows
+
+
+def _lines(rig: Rig, record: Record) -> list[Row]:
+    """The quotients of lines, which know nothing of poles, and the distortion that the lines left out show."""
+    htf = rig.estimate(record, 20, method="lines", band=MARGIN * math.tau * 5.0)
+    even, answer = htf.figures["even_distortion"], htf.figures["response"]
+    return [
+        *_rows(rig, "multisine, n_h 41, line by line", htf, {})[-1:],
+        Row("  even distortion over the response, rms", even / answer),
+    ]
 
 
 def _draw(rig: Rig, chirped: ltp.Htf, best: ltp.Htf) -> Figure:

@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 
 from ltp._ltp import InputError
 from ltp.files import check_writable, write_bytes, write_text
+from ltp.plots.numbers import MISSING
 from ltp.plots.style import styled
 from ltp.report.markup import escape, figure, paragraph, table
-from ltp.reproduce.result import HEAD, Chapter, Reproduction
+from ltp.reproduce.result import HEAD, NONE, Chapter, Reproduction
 
 NAME = "hopper.html"
 _DPI = 130
@@ -37,7 +38,7 @@ def prepare(out: str | os.PathLike[str]) -> Path:
 
 def write(folder: Path, done: Reproduction) -> Path:
     """Write the page and its figures into the folder, each whole or not at all; returns the path of the page."""
-    sections = []
+    sections: list[str] = []
     for index, chapter in enumerate(done.chapters):
         drawn = []
         for picture in chapter.pictures:
@@ -82,8 +83,14 @@ def _headline(title: str, done: Reproduction) -> str:
     )
 
 
+def _cell(text: str) -> str:
+    indented = text.replace("  ", "\u2003", 1) if text.startswith("  ") else text
+    return MISSING if indented == NONE else indented
+
+
 def _section(index: int, chapter: Chapter, drawn: list[str]) -> str:
-    rows = [row.cells() for row in chapter.rows]
+    # HTML swallows spaces at the beginning of a cell; a missing figure is a dash of the width of a digit.
+    rows = [[_cell(cell) for cell in row.cells()] for row in chapter.rows]
     parts = [
         f'<section aria-labelledby="c{index}">\n<h2 id="c{index}">{escape(chapter.title)}</h2>',
         paragraph(chapter.sentence),

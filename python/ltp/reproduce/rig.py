@@ -148,7 +148,8 @@ class Rig:
         """The samples at which errors are taken, as a slice of a run of 200 periods, and their times, s."""
         start = SETTLING * self.per_period
         chosen = slice(start, start + EVALUATED * self.per_period, DECIMATION)
-        return chosen, np.arange(chosen.start, chosen.stop, DECIMATION) * DT
+        t: Array = np.arange(start, chosen.stop, DECIMATION, dtype=np.float64) * DT
+        return chosen, t
 
     def sine(self, hz: float, amplitude: float = AMPLITUDE) -> Array:
         """Deviation under `amplitude * sin(2 pi hz t)`, settled, at :meth:`times`."""

@@ -5,6 +5,7 @@
 //! roots are the Floquet multipliers; [`curvature`] is Siddiqi's least squares with a smoothness penalty; [`lines`] divides
 //! line by line where the excitation is periodic. Nothing here can see a model, so nothing can peek at the truth.
 
+mod clock;
 pub mod curvature;
 pub mod floquet;
 pub mod lines;

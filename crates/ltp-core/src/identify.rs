@@ -10,6 +10,7 @@
 //! [`section`] estimates the map from one cycle to the next.
 
 pub mod arx;
+mod clock;
 pub mod curvature;
 pub mod floquet;
 pub mod held_out;

@@ -13,11 +13,13 @@ use super::banded::{BandedFactor, BandedHermitian};
 use super::smoother::Observations;
 use crate::error::{Error, Result};
 
-/// Added to the factored matrix, relative to the largest eigenvalue of its penalty: above rounding, so that the factor exists.
-const RIDGE: f64 = 1e-13;
+/// Added to a matrix that rounding made indefinite, relative to the largest eigenvalue of its penalty, before it is factored.
+const RIDGE: f64 = 1e-14;
 /// Conjugate gradients stop at this relative residual in the factor's norm, or after so many steps.
 const GOAL: f64 = 1e-12;
 const STEPS: usize = 40;
+/// Rounding may stop them short of the goal by this factor.
+const SETTLED: f64 = 1e2;
 
 /// The normal equations of penalised least squares, factored.
 pub struct Penalised<'a> {
@@ -39,7 +41,7 @@ pub fn normal_matrix(observations: &Observations, smoothness: f64, ridge: f64) -
             }
         }
         // squares of the second differences around t - 1, t and t + 1, as far as they exist
-        let around = |s: usize| f64::from(u8::from(s >= 2 && s <= steps - 1));
+        let around = |s: usize| f64::from(u8::from(s >= 2 && s < steps));
         let (before, here, after) = (around(t), around(t + 1), around(t + 2));
         for i in t * n..(t + 1) * n {
             band.add(i, i, real(ridge + smoothness * (before + 4.0 * here + after)));
@@ -69,14 +71,16 @@ impl<'a> Penalised<'a> {
             let what = "the axis to smooth along".into();
             return Err(Error::TooShort { what, needed: 3, found: observations.steps() });
         }
-        let factor = normal_matrix(observations, smoothness, RIDGE * 16.0 * smoothness).factor()?;
+        let factor = normal_matrix(observations, smoothness, 0.0)
+            .factor()
+            .or_else(|_| normal_matrix(observations, smoothness, RIDGE * 16.0 * smoothness).factor())?;
         Ok(Self { observations, smoothness, factor })
     }
 
-    /// The minimiser (steps, n) for data `y` (rows), and the steps of conjugate gradients behind the first solution.
+    /// The minimiser (steps, n) for data `y` (rows), and the steps of conjugate gradients that it took.
     ///
     /// # Errors
-    /// `Shape`.
+    /// `Shape`, `NoConvergence` when the factor was no help.
     pub fn solve(&self, y: &[Complex]) -> Result<(Vec<Complex>, usize)> {
         let obs = self.observations;
         if y.len() != obs.rows() {
@@ -92,7 +96,7 @@ impl<'a> Penalised<'a> {
         while size > goal && steps < STEPS {
             let curved = self.pull(&direction, None);
             let along = -dot(&direction, &curved);
-            if !(along > 0.0) {
+            if along <= 0.0 || along.is_nan() {
                 break;
             }
             let step = size / along;
@@ -104,6 +108,14 @@ impl<'a> Penalised<'a> {
             direction.iter_mut().zip(&next).for_each(|(d, z)| *d = z + *d * (grown / size));
             size = grown;
             steps += 1;
+        }
+        if size > SETTLED * SETTLED * goal {
+            return Err(Error::NoConvergence {
+                method: "conjugate gradients behind the banded factorization".into(),
+                iterations: steps,
+                residual: GOAL * (size / goal).sqrt(),
+                advice: "rounding left too little of the factor: use the smoother, or less smoothness".into(),
+            });
         }
         Ok((x, steps))
     }

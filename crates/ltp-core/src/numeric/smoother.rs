@@ -21,92 +21,23 @@
 
 mod blocks;
 mod closing;
+mod observations;
+mod uncertainty;
 
 use super::Complex;
 use crate::error::{Error, Result};
 use blocks::{Blocks, Vector, add, inner, padded};
 use closing::Closing;
+pub use observations::Observations;
 use pulp::Arch;
+pub use uncertainty::Uncertainty;
 
 /// The prior variance of the level, at least: in variances of the walk's steps, and of an unknown seen by one row. (Wider
 /// priors cost digits, narrower ones passes.)
 const WIDE: [f64; 2] = [1e6, 1e6];
-/// The share of a predicted variance below which what remains of it is rounding.
-const VOUCHED: f64 = 1e-10;
 /// Conjugate gradients stop at this relative pull of the prior, or after so many passes.
 const PULL: f64 = 1e-10;
 const PASSES: usize = 40;
-
-/// Rows of the observations, step by step.
-#[derive(Clone)]
-pub struct Observations {
-    n: usize,
-    /// First row of each step, and the number of rows.
-    first: Vec<usize>,
-    /// Real parts, then imaginary parts, of each row's conjugate; padded.
-    rows: Vec<f64>,
-    power: f64,
-}
-
-impl Observations {
-    /// No steps yet, of `n` unknowns each.
-    pub fn new(n: usize) -> Self {
-        Self { n, first: vec![0], rows: Vec::new(), power: 0.0 }
-    }
-
-    /// Adds a step with these rows (each of `n` coefficients `u` of `y = u^T x`); a step without rows is a gap.
-    pub fn step<'a>(&mut self, rows: impl IntoIterator<Item = &'a [Complex]>) {
-        let stride = padded(self.n);
-        for row in rows {
-            debug_assert_eq!(row.len(), self.n);
-            let at = self.rows.len();
-            self.rows.resize(at + 2 * stride, 0.0);
-            for (i, u) in row.iter().enumerate() {
-                self.rows[at + i] = u.re;
-                self.rows[at + stride + i] = -u.im;
-                self.power += u.norm_sqr();
-            }
-        }
-        self.first.push(self.rows.len() / (2 * stride));
-    }
-
-    /// Number of unknowns at each step.
-    pub fn unknowns(&self) -> usize {
-        self.n
-    }
-    /// Number of steps.
-    pub fn steps(&self) -> usize {
-        self.first.len() - 1
-    }
-    /// Number of rows.
-    pub fn rows(&self) -> usize {
-        self.first[self.steps()]
-    }
-    /// Mean over the rows of `|u|^2`.
-    pub fn power(&self) -> f64 {
-        self.power / self.rows().max(1) as f64
-    }
-
-    /// Rows of step `t`.
-    pub fn at(&self, t: usize) -> std::ops::Range<usize> {
-        self.first[t]..self.first[t + 1]
-    }
-
-    /// Coefficient of unknown `i` in row `r`.
-    pub fn coefficient(&self, r: usize, i: usize) -> Complex {
-        let row = self.row(r);
-        Complex::new(row[i], -row[row.len() / 2 + i])
-    }
-
-    fn row(&self, r: usize) -> &[f64] {
-        let width = 2 * padded(self.n);
-        &self.rows[r * width..(r + 1) * width]
-    }
-
-    fn vector(&self, r: usize) -> Vector {
-        Vector { stride: padded(self.n), data: self.row(r).to_vec() }
-    }
-}
 
 /// What lies beyond the last step.
 #[derive(Clone, Debug, PartialEq)]
@@ -127,17 +58,6 @@ pub struct Estimate {
     pub residuals: Vec<Complex>,
     /// Passes over the data that the start took.
     pub passes: usize,
-}
-
-/// What the data leave open, whatever their values.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Uncertainty {
-    /// One minus the leverage, of each row: the share of noise in it that stays in its residual.
-    pub remaining: Vec<f64>,
-    /// Steps at which the variances stand, increasing.
-    pub steps: Vec<usize>,
-    /// Variance of each unknown for unit noise, `E |estimate - truth|^2`, (steps of the field above, n).
-    pub variances: Vec<f64>,
 }
 
 /// Gains of the forward pass, to be used for any data.
@@ -365,7 +285,7 @@ impl<'a> Smoother<'a> {
             // the pull is affine in the mean: minus its linear part is the curvature
             let curved = self.prior_pull(|_| Complex::new(0.0, 0.0), &direction, work);
             let along = -dot(&direction, &curved);
-            if !(along > 0.0) {
+            if along <= 0.0 || along.is_nan() {
                 break;
             }
             let step = Complex::new(size / along, 0.0);
@@ -440,50 +360,6 @@ impl<'a> Smoother<'a> {
         Ok(Estimate { values, residuals: work, passes })
     }
 
-    /// Leverages of all rows, and variances at the checkpoints, from one backward pass.
-    ///
-    /// They are those of the finite [`Self::prior`], which is felt only where the data say next to nothing.
-    pub fn uncertainty(&self) -> Uncertainty {
-        let obs = self.observations;
-        let (n, open) = (obs.n, self.open_steps());
-        let mut remaining = vec![0.0; obs.rows()];
-        let (mut steps, mut variances) = (Vec::new(), Vec::new());
-        let mut information = Blocks::diagonal(n, 0.0, 0.0);
-        if let Some((state, closing)) = &self.closing {
-            let (added, left) = closing.information();
-            obs.at(open).zip(left).for_each(|(r, left)| remaining[r] = left);
-            steps.push(open);
-            variances.push(smoothed(n, state, &added));
-            information = added;
-        }
-        let [mut to_level, mut to_slope, mut h] = [Vector::zero(n), Vector::zero(n), Vector::zero(n)];
-        let [mut level, mut slope] = [Vector::zero(n), Vector::zero(n)];
-        for t in (0..open).rev() {
-            if t + 1 < obs.steps() {
-                information.retreat();
-            }
-            for r in obs.at(t).rev() {
-                let gain = self.gain(r);
-                to_level.fill(gain.0);
-                to_slope.fill(gain.1);
-                h.fill(obs.row(r));
-                information.times(&to_level, &to_slope, &mut level, &mut slope);
-                let answered = inner(gain.0, &level.data).re + inner(gain.1, &slope.data).re;
-                remaining[r] = 1.0 / self.variances[r] + answered;
-                add(&mut level.data, Complex::new(-0.5 * remaining[r], 0.0), &h.data);
-                information.subtract_level_pair(&h, &level, &slope);
-            }
-            if t % self.every == 0 {
-                information.symmetrise();
-                steps.push(t);
-                variances.push(smoothed(n, &self.checkpoint(t / self.every), &information));
-            }
-        }
-        steps.reverse();
-        variances.reverse();
-        Uncertainty { remaining, steps, variances: variances.concat() }
-    }
-
     /// Sum over the rows of the logarithm of the innovations' variances (with the finite prior of the forward pass).
     pub fn log_determinant(&self) -> f64 {
         self.variances.iter().map(|v| v.ln()).sum()
@@ -508,23 +384,6 @@ fn moved(covariance: &Blocks, state: &[Vector; 2], pull: &[Vector; 2]) -> [Vecto
     add(&mut out[0].data, Complex::new(1.0, 0.0), &level.data);
     add(&mut out[1].data, Complex::new(1.0, 0.0), &slope.data);
     out
-}
-
-/// Variances of the levels, `P - P N P`.
-fn smoothed(n: usize, covariance: &Blocks, information: &Blocks) -> Vec<f64> {
-    let [mut x, mut y, mut level, mut slope] = [(); 4].map(|()| Vector::zero(n));
-    let variance = |i: usize| {
-        for j in 0..n {
-            x.set(j, covariance.get((0, j), (0, i)));
-            y.set(j, covariance.get((1, j), (0, i)));
-        }
-        information.times(&x, &y, &mut level, &mut slope);
-        let known = inner(&x.data, &level.data).re + inner(&y.data, &slope.data).re;
-        let predicted = covariance.get((0, i), (0, i)).re;
-        // a difference of rounded numbers cannot vouch for less
-        (predicted - known).max(VOUCHED * predicted)
-    };
-    (0..n).map(variance).collect()
 }
 
 fn conjugate(mut row: Vector) -> Vector {

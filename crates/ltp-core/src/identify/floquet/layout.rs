@@ -74,7 +74,7 @@ impl Layout {
             sizes: Vec::new(),
         };
         for q in 0..layout.cells + BLOCK as i64 {
-            if q as usize % BLOCK == 0 {
+            if (q as usize).is_multiple_of(BLOCK) {
                 layout.sizes.push(0);
             }
             let block = layout.sizes.len() - 1;

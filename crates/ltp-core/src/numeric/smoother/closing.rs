@@ -90,7 +90,7 @@ impl Closing {
     pub(super) fn pull(&self, level: &Vector, slope: &Vector, y: impl Iterator<Item = Complex>) -> [Vector; 2] {
         let n = self.n;
         let state = DVector::from_fn(4 * n, |i, _| {
-            let value = if (i / n) % 2 == 0 { level.get(i % n) } else { slope.get(i % n) };
+            let value = if (i / n).is_multiple_of(2) { level.get(i % n) } else { slope.get(i % n) };
             if i < 2 * n { value.re } else { value.im }
         });
         let mut misfit = -(&self.conditions * state);

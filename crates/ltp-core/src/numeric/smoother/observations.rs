@@ -1,0 +1,75 @@
+//! The rows that a smoother sees, in the form in which its passes read them.
+
+use super::blocks::{Vector, padded};
+use crate::numeric::Complex;
+
+/// Rows of the observations, step by step.
+#[derive(Clone)]
+pub struct Observations {
+    pub(super) n: usize,
+    /// First row of each step, and the number of rows.
+    first: Vec<usize>,
+    /// Real parts, then imaginary parts, of each row's conjugate; padded.
+    rows: Vec<f64>,
+    power: f64,
+}
+
+impl Observations {
+    /// No steps yet, of `n` unknowns each.
+    pub fn new(n: usize) -> Self {
+        Self { n, first: vec![0], rows: Vec::new(), power: 0.0 }
+    }
+
+    /// Adds a step with these rows (each of `n` coefficients `u` of `y = u^T x`); a step without rows is a gap.
+    pub fn step<'a>(&mut self, rows: impl IntoIterator<Item = &'a [Complex]>) {
+        let stride = padded(self.n);
+        for row in rows {
+            debug_assert_eq!(row.len(), self.n);
+            let at = self.rows.len();
+            self.rows.resize(at + 2 * stride, 0.0);
+            for (i, u) in row.iter().enumerate() {
+                self.rows[at + i] = u.re;
+                self.rows[at + stride + i] = -u.im;
+                self.power += u.norm_sqr();
+            }
+        }
+        self.first.push(self.rows.len() / (2 * stride));
+    }
+
+    /// Number of unknowns at each step.
+    pub fn unknowns(&self) -> usize {
+        self.n
+    }
+    /// Number of steps.
+    pub fn steps(&self) -> usize {
+        self.first.len() - 1
+    }
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.first[self.steps()]
+    }
+    /// Mean over the rows of `|u|^2`.
+    pub fn power(&self) -> f64 {
+        self.power / self.rows().max(1) as f64
+    }
+
+    /// Rows of step `t`.
+    pub fn at(&self, t: usize) -> std::ops::Range<usize> {
+        self.first[t]..self.first[t + 1]
+    }
+
+    /// Coefficient of unknown `i` in row `r`.
+    pub fn coefficient(&self, r: usize, i: usize) -> Complex {
+        let row = self.row(r);
+        Complex::new(row[i], -row[row.len() / 2 + i])
+    }
+
+    pub(super) fn row(&self, r: usize) -> &[f64] {
+        let width = 2 * padded(self.n);
+        &self.rows[r * width..(r + 1) * width]
+    }
+
+    pub(super) fn vector(&self, r: usize) -> Vector {
+        Vector { stride: padded(self.n), data: self.row(r).to_vec() }
+    }
+}

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -216,6 +217,133 @@ class TestDiagnose:
         assert main([*runs, "--report", "out.html"]) == 130
         assert "interrupted" in capsys.readouterr().err
         assert not Path("out.html").exists()
+
+
+class TestOrbits:
+    def test_cycle(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(["cycle", "zoo:hopper", "--out", "period.csv", "--plot", "cycle.svg"]) == 0
+        out = capsys.readouterr().out
+        for word in ("stable periodic orbit", "0.024890445", "touchdown", "+0.832614057"):
+            assert word in out
+        assert Path("period.csv").read_text(encoding="utf-8").startswith("t,u_c,h,")
+        assert Path("cycle.svg").read_text(encoding="utf-8").startswith("<?xml")
+
+    def test_cycle_json(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(["cycle", "zoo:hopper", "--probes", "6", "--json"]) == 0
+        tree = json.loads(capsys.readouterr().out)
+        assert [event["name"] for event in tree["events"]] == ["liftoff", "touchdown"]
+        assert tree["domain"]["probes"] == 6
+        assert len(tree["multipliers"]) == 4
+
+    def test_linearize(self, capsys: pytest.CaptureFixture[str]) -> None:
+        words = ["linearize", "zoo:hopper", "--frequencies", "0,1,2.5", "--harmonics", "2", "--out", "htf.npz"]
+        assert main(words) == 0
+        assert "2 jumps" in capsys.readouterr().out
+        htf = ltp.Htf.load("htf.npz")
+        np.testing.assert_allclose(htf.omega, 2 * np.pi * np.array([0.0, 1.0, 2.5]))
+        assert htf.harmonic(0)[0].real == pytest.approx(1 / 6500)
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (["cycle", "zoo:hopper", "--mode", "air"], "air"),
+            (["cycle", "zoo:hopper", "--start", "x=1"], "x"),
+            (["cycle", "zoo:hopper", "--plot", "nowhere/a.svg"], "'nowhere' does not exist"),
+            (["linearize", "zoo:hopper", "--frequencies", "5:0:1"], "FIRST:LAST:STEP"),
+            (["linearize", "zoo:hopper", "--frequencies", "0:5"], "FIRST:LAST:STEP"),
+            (["linearize", "zoo:hopper", "--outputs", "y"], "no output 'y'"),
+        ],
+    )
+    def test_wrong_input(self, words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(words) == 2
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert message in captured.err
+
+
+class TestIdentify:
+    WORDS = ("--period", "0.33", "--harmonics", "2", "--band", "2.5", "--input", "u_c", "--output", "h")
+
+    @pytest.fixture
+    def runs(self) -> None:
+        """A hop of 60 s under a wandering sine, and one without."""
+        for name, text in (("orbit", "0"), ("run", "0.1*sin(2*pi*t + 2*sin(3*t))")):
+            words = ["--t-end", "60.06", "--input", f"u_c={text}", "--out", f"{name}.csv"]
+            assert main(["simulate", "zoo:hopper", *words]) == 0
+
+    @pytest.mark.usefixtures("runs")
+    def test_text_and_file(self, capsys: pytest.CaptureFixture[str]) -> None:
+        capsys.readouterr()
+        assert main(["identify", "run.csv", "--minus", "orbit.csv", *self.WORDS, "--out", "htf.npz"]) == 0
+        out = capsys.readouterr().out
+        for word in ("Floquet", "from u_c to h", "noise_sd", "htf.npz"):
+            assert word in out
+        model = ltp.zoo.hopper()
+        htf = ltp.Htf.load("htf.npz")
+        exact = ltp.linearize(model, ltp.cycle(model)).htf(htf.omega, 2)
+        error = np.linalg.norm(htf.values - exact.values) / np.linalg.norm(exact.values)
+        assert error < 0.1
+
+    @pytest.mark.usefixtures("runs")
+    def test_json(self, capsys: pytest.CaptureFixture[str]) -> None:
+        capsys.readouterr()
+        assert main(["identify", "run.csv", "--minus", "orbit.csv", *self.WORDS, "--json"]) == 0
+        tree = json.loads(capsys.readouterr().out)
+        assert tree["harmonics"] == [-2, -1, 0, 1, 2]
+        assert np.array(tree["values"]).shape == (5, len(tree["omega"]), 1, 1, 2)
+
+    @pytest.mark.usefixtures("runs")
+    @pytest.mark.parametrize(
+        ("old", "new", "message"),
+        [
+            ("u_c", "tau", "'tau'"),
+            ("h", "height", "'height'"),
+            ("0.33", "0.36", "period"),
+            ("2.5", "600", "Nyquist"),
+            ("run.csv", "walk.csv", "no such file"),
+        ],
+    )
+    def test_wrong_input(self, old: str, new: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+        capsys.readouterr()
+        words = ["identify", "run.csv", "--minus", "orbit.csv", *self.WORDS]
+        assert main([new if word == old else word for word in words]) == 2
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert message in captured.err
+
+    @pytest.mark.usefixtures("runs")
+    def test_an_orbit_that_is_too_short(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(["simulate", "zoo:hopper", "--t-end", "3.3", "--out", "short.csv"]) == 0
+        capsys.readouterr()
+        assert main(["identify", "run.csv", "--minus", "short.csv", *self.WORDS]) == 2
+        assert "record the orbit at the same times" in capsys.readouterr().err
+
+
+class TestReproduce:
+    def test_a_missed_bound_is_exit_code_1(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        from ltp import reproduce
+
+        def chapter(ours: float) -> reproduce.Chapter:
+            return reproduce.Chapter("Cost", "Once.", [reproduce.Row("1 Hz", ours, "%", "3.3 %", low=2.5, high=4.0)])
+
+        def done(ours: float) -> Any:
+            def hopper(*_: object, say: Any, **__: object) -> reproduce.Reproduction:
+                say(chapter(ours))
+                return reproduce.Reproduction([chapter(ours)], 1.0)
+
+            return hopper
+
+        for ours, code, word in ((3.33, 0, "1 of 1"), (4.1, 1, "0 of 1")):
+            monkeypatch.setattr("ltp.reproduce.hopper", done(ours))
+            assert main(["reproduce", "hopper"]) == code
+            assert word in capsys.readouterr().out
+            assert main(["reproduce", "hopper", "--json"]) == code
+            assert json.loads(capsys.readouterr().out)["passed"] is (code == 0)
+
+    def test_exit_codes_are_documented(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert "\n  130" in help_of("reproduce", capsys)
 
 
 class TestZoo:

@@ -7,9 +7,13 @@ recordings is there (DATA, by default `shared/data` beside the checkout; docs/re
 from __future__ import annotations
 
 import json
+import os
+import re
 import sys
+import tempfile
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -22,6 +26,7 @@ from ltp.cli.demo import SEED
 from ltp.conceal import conceal
 from ltp.plots import comparison, missing_force
 from ltp.report.view import View
+from ltp.reproduce import hopper
 from walking_figure import RECORD, walking
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -71,8 +76,33 @@ def view(diagnosis: ltp.Diagnosis) -> View:
     return View(json.loads(diagnosis.to_json()), diagnosis.traces)
 
 
+def pages(page: Path) -> dict[str, Any]:
+    """The names that the blocks of Python on a page leave behind, run in a folder of their own."""
+    names: dict[str, Any] = {}
+    text, here = page.read_text(encoding="utf-8"), Path.cwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        try:
+            for body in re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+                exec(compile(body, str(page), "exec"), names)
+        finally:
+            os.chdir(here)
+    return names
+
+
+def transfer_functions() -> None:
+    """The pages on cycles and identification, and the reproduction of the hopper."""
+    write(DOCS / "cycle.png", pages(DOCS / "cycle.md")["cycle"].plot("h", "hd", others=["ht"]))
+    names = pages(DOCS / "identify.md")
+    write(DOCS / "identify.png", names["htf"].plot(exact=names["exact"], unit="m/N"))
+    pictures = {p.name: p.draw for chapter in hopper().chapters for p in chapter.pictures}
+    write(DOCS / "reproduce_hopper.png", pictures["fig8_errors"](), pictures["fig9_predictions"]())
+    write(DOCS / "reproduce_better.png", pictures["errors_better"]())
+
+
 def main(data: Path) -> None:
     """Draw everything that can be drawn here."""
+    transfer_functions()
     case = conceal(seed=SEED)
     seen = view(ltp.diagnose(case.model, case.train, case.test, seed=SEED))
     write(DOCS / "demo.png", force(seen), fit(seen))

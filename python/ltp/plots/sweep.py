@@ -72,7 +72,7 @@ def sweep(panels: Sequence[Panel], *, height: float = 3.6) -> Figure:
         for point in panel.points:
             axes.plot(point.hz, point.percent, "o", ms=6.5, mec=COLORS["ink"], mfc="none", mew=1.3, zorder=6)
             axes.annotate(
-                point.text, (point.hz, point.percent), xytext=(7, 5), textcoords="offset points", fontsize=8,
+                point.text, (point.hz, point.percent), xytext=(10, 30), textcoords="offset points", fontsize=8,
             )  # fmt: skip
         axes.set_title(panel.title, fontsize=9.0, loc="left", color=COLORS["muted"])
         axes.set_xlabel("frequency of the sine (Hz)")

@@ -37,7 +37,7 @@ def hopper(
     """Reproduce the paper, and beat it: limit cycle, exact functions, estimates, predictions, noise, cost.
 
     out: a folder for the page `hopper.html` and its figures as PNG; made if it is not there. None writes nothing.
-    quick: fewer test sines, sizes and seeds, in a few seconds; no figure is another one because of it.
+    quick: fewer test sines, sizes and figures, one seed instead of ten, in a third of the time.
     progress: called with a message and the finished fraction; say: called with each chapter when it is done.
 
     Nothing random is left: noise has its seeds. Raises `InputError` when `out` cannot be written to.

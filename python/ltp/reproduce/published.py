@@ -11,7 +11,7 @@ import ltp
 from ltp.plots.responses import Predicted, Response, responses
 from ltp.plots.sweep import Line, Panel, Point, sweep
 from ltp.reproduce.result import Chapter, Picture, Row
-from ltp.reproduce.rig import DT, MARGIN, STEP, Record, Rig
+from ltp.reproduce.rig import MARGIN, STEP, Record, Rig, predicted
 
 TO_ZERO = 1e-6  # smoothness that stands for none at all: what the data leave open is still decided
 USUAL = 10.0  # smoothness in the region that cross-validation picks for these records
@@ -85,7 +85,8 @@ def _smoothness(rig: Rig) -> list[Row]:
     for smoothness in (1e-2, 10.0, 1e4):
         htf = siddiqi(rig, rig.chirps, 21, smoothness)
         rows.append(Row(f"n_h 21, smoothness {smoothness:g}: 1 Hz", rig.sine_error(htf, 1.0), "%"))
-    chosen = siddiqi(rig, rig.chirps, 21, None)
+    # Where the input has no power there is nothing to validate, so this one keeps to the input's band.
+    chosen = rig.estimate(rig.chirps, 10, method="curvature", band=math.tau * 5.0)
     rows.append(Row("n_h 21, smoothness by cross-validation: 1 Hz", rig.sine_error(chosen, 1.0), "%"))
     rows.append(Row("  the smoothness it chose", chosen.figures["smoothness"]))
     return rows
@@ -121,15 +122,11 @@ def _draw_fit(rig: Rig, htf: ltp.Htf) -> Figure:
     record = rig.chirps
     start = round((10 * 20.0 + 12.0) / rig.period) * rig.per_period
     inside = slice(start, start + 6 * rig.per_period)
-    predicted = htf.predict(record.u, DT)[inside, 0]
+    fitted = predicted(htf, record.u)[inside]
     cycles = np.arange(6 * rig.per_period) / rig.per_period
     title = f"chirp {10 + 1}, around 3 Hz"
     return responses(
-        [
-            Response(
-                title, cycles, record.y[inside], [Predicted("Siddiqi, n_h 21", predicted, "before")], flights(rig, 6)
-            )
-        ]
+        [Response(title, cycles, record.y[inside], [Predicted("Siddiqi, n_h 21", fitted, "before")], flights(rig, 6))]
     )
 
 

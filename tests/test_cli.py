@@ -267,8 +267,8 @@ class TestIdentify:
     @pytest.fixture
     def runs(self) -> None:
         """A hop of 60 s under a wandering sine, and one without."""
-        for name, text in (("orbit", "0"), ("run", "0.1*sin(2*pi*t + 2*sin(3*t))")):
-            words = ["--t-end", "60.06", "--input", f"u_c={text}", "--out", f"{name}.csv"]
+        for name, force in (("orbit", "0"), ("run", "0.1*sin(2*pi*t + 2*sin(3*t))")):
+            words = ["--t-end", "60.06", "--input", f"u_c={force}", "--out", f"{name}.csv"]
             assert main(["simulate", "zoo:hopper", *words]) == 0
 
     @pytest.mark.usefixtures("runs")
@@ -298,8 +298,8 @@ class TestIdentify:
         [
             ("u_c", "tau", "'tau'"),
             ("h", "height", "'height'"),
-            ("0.33", "0.36", "period"),
-            ("2.5", "600", "Nyquist"),
+            ("0.33", "nan", "period"),
+            ("2.5", "600", "no power from"),
             ("run.csv", "walk.csv", "no such file"),
         ],
     )

@@ -10,6 +10,8 @@ pub mod curvature;
 pub mod floquet;
 pub mod lines;
 pub mod spectra;
+#[cfg(test)]
+mod testing;
 
 use crate::error::Result;
 use crate::periodic::Htf;

@@ -3,13 +3,15 @@
 //! [`spectra`] turns recordings into lines on which the clock is a whole number of bins, and refuses what cannot be
 //! identified. Three methods read them: [`floquet`] fits numerators of finite memory over one common denominator, whose
 //! roots are the Floquet multipliers; [`curvature`] is Siddiqi's least squares with a smoothness penalty; [`lines`] divides
-//! line by line where the excitation is periodic. [`rest`] asks what outputs show while the input rests. Nothing here can see a model, so nothing can peek at the truth.
+//! line by line where the excitation is periodic. [`rest`] asks what outputs show while the input rests. Nothing here can
+//! see a model, so nothing can peek at the truth.
 //!
 //! Machines without a clock have only their events to tell the time: [`phase`] makes a phase of them, [`orbit`] averages
 //! over cycles, [`arx`] estimates a discrete linear time-periodic model and [`held_out`] says what it is worth, and
 //! [`section`] estimates the map from one cycle to the next.
 
 pub mod arx;
+mod clock;
 pub mod curvature;
 pub mod floquet;
 pub mod held_out;

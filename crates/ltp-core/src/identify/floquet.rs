@@ -80,7 +80,7 @@ pub fn identify(spectra: &Spectra, options: &super::Options, own: &Options) -> R
         None => choose(spectra, options.harmonics, own)?,
     };
     let highest = band + options.harmonics as f64 * spectra.pumping();
-    let fit = fit::fit(spectra, order, reach, highest, own)?;
+    let fit = fit::fit_and_refine(spectra, order, reach, highest, own)?;
     let mut htf = answer::answer(spectra, &fit, options.harmonics, band)?;
     htf.method = format!("common Floquet denominator of order {order} with numerators of finite memory");
     htf.figures = figures(spectra, &fit, &htf, reach);

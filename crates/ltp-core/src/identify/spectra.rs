@@ -8,7 +8,7 @@
 
 use std::f64::consts::TAU;
 
-use super::{Method, Options, Orbit};
+use super::{Method, Options, Orbit, clock};
 use crate::error::{Error, Result};
 use crate::numeric::{Complex, chirp_z, fft, stats};
 use crate::signal::Recording;
@@ -138,6 +138,7 @@ impl Spectra {
         spectra.excited = (0..spectra.inputs()).map(|i| spectra.edge(i) as f64 * spectra.window()).collect();
         spectra.band = spectra.find_band(options)?;
         spectra.check_nyquist(options)?;
+        clock::check(&spectra, options.orbit)?;
         Ok(spectra)
     }
 

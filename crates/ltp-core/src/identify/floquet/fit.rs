@@ -28,6 +28,8 @@ const FIRST_SCALE: f64 = 1e3;
 const LEAST_NOISE: f64 = 1e-13;
 /// Least scale, relative to the first.
 const LEAST_SCALE: f64 = 1e-20;
+/// Noise of the inputs is looked at where it may be more than this share of the level.
+const NOTICED: f64 = 0.02;
 /// Converged when the denominator moves by less than this many of its standard deviations, squared ...
 const STILL: f64 = 1e-3;
 /// ... and the number of determined coefficients by less than this share.
@@ -45,6 +47,8 @@ pub(super) struct Fit {
     /// Per output.
     pub outputs: Vec<Output>,
     pub iterations: usize,
+    /// Lines of the outputs, per output, cell and row.
+    measured: Vec<Vec<Vec<Complex>>>,
 }
 
 /// What one output says.
@@ -61,6 +65,8 @@ pub(super) struct Output {
     /// Noise and scales under which this was found.
     pub setting: Setting,
     predicted: Vec<Vec<Complex>>,
+    /// Variance that noise of the inputs adds, per cell and row.
+    doubts: Vec<Vec<f64>>,
     /// Per group: size of the coefficients in the prior's measure at unit scale, and how many the data determine.
     sizes: Vec<(f64, f64)>,
 }
@@ -72,6 +78,8 @@ pub(super) struct Setting {
     pub levels: Vec<Vec<f64>>,
     /// Prior variance of the coefficients, per group.
     pub scales: Vec<f64>,
+    /// Variance that noise of the inputs is taken to add, per cell and row; part of the levels.
+    doubts: Vec<Vec<f64>>,
     least_level: f64,
     least_scales: Vec<f64>,
 }
@@ -81,68 +89,114 @@ pub(super) struct Setting {
 /// # Errors
 /// `NoConvergence` when the normal equations cannot be solved.
 pub(super) fn fit(spectra: &Spectra, order: usize, reach: f64, highest: f64, options: &Options) -> Result<Fit> {
-    let memory = order.max(1) as f64 * spectra.period();
-    let knots = options.knots * order.max(1);
-    let width = spectra.pumping() / knots as f64;
-    let intervals = |omega: f64| ((omega / width * (1.0 - 1e-9)).ceil() as usize).max(1);
-    let transients = if options.transients { spectra.records().len() } else { 0 };
-    let channels = (spectra.inputs(), transients);
-    let layout = Layout::new(spectra.pumping(), knots, memory, intervals(reach), intervals(highest), channels);
-    let cells = rows::cells(spectra, &layout);
-    let measured: Vec<Vec<Vec<Complex>>> = (0..spectra.outputs()).map(|j| measured(spectra, &cells, j)).collect();
-    let periods: Vec<usize> = spectra.records().iter().map(|r| r.periods()).collect();
+    let mut fit = Fit::begin(spectra, order, reach, highest, options);
+    let most = options.iterations.max(FIRST_STEPS + 1);
+    fit.iterate(spectra, most)?;
+    Ok(fit)
+}
 
-    let mut fit =
-        Fit { layout, cells, a: vec![0.0; order], precision: DMatrix::zeros(0, 0), outputs: Vec::new(), iterations: 0 };
-    loop {
-        let first_steps = fit.iterations < FIRST_STEPS;
-        let settings: Vec<Setting> = if fit.outputs.is_empty() {
-            measured.iter().map(|y| Setting::first(spectra, &fit.layout, &fit.cells, y)).collect()
-        } else {
-            fit.outputs.iter().map(|output| output.adapted(&fit.cells, &periods, !first_steps)).collect()
-        };
+/// As [`fit`], and then once more with the noise of the inputs where it comes out.
+///
+/// That noise needs the transfer functions to be known: while they are not, weights that follow them lead astray.
+///
+/// # Errors
+/// As [`fit`].
+pub(super) fn fit_and_refine(
+    spectra: &Spectra,
+    order: usize,
+    reach: f64,
+    highest: f64,
+    options: &Options,
+) -> Result<Fit> {
+    let mut fit = fit(spectra, order, reach, highest, options)?;
+    let matters = fit.outputs.iter().any(|output| {
+        let pairs = output.doubts.iter().flatten().zip(output.setting.levels.iter().flatten());
+        pairs.into_iter().any(|(doubt, level)| *doubt > NOTICED * level)
+    });
+    if matters {
+        for output in &mut fit.outputs {
+            // From here on the levels are the smooth part and the doubts.
+            for (levels, doubts) in output.setting.levels.iter_mut().zip(&output.doubts) {
+                levels.iter_mut().zip(doubts).for_each(|(level, doubt)| *level += doubt);
+            }
+            output.setting.doubts.clone_from(&output.doubts);
+        }
+        fit.iterate(spectra, fit.iterations + options.iterations)?;
+    }
+    Ok(fit)
+}
+
+impl Fit {
+    /// The unknowns and equations, and nothing known.
+    fn begin(spectra: &Spectra, order: usize, reach: f64, highest: f64, options: &Options) -> Self {
+        let memory = order.max(1) as f64 * spectra.period();
+        let knots = options.knots * order.max(1);
+        let width = spectra.pumping() / knots as f64;
+        let intervals = |omega: f64| ((omega / width * (1.0 - 1e-9)).ceil() as usize).max(1);
+        let transients = if options.transients { spectra.records().len() } else { 0 };
+        let channels = (spectra.inputs(), transients);
+        let layout = Layout::new(spectra.pumping(), knots, memory, intervals(reach), intervals(highest), channels);
+        let cells = rows::cells(spectra, &layout);
+        let measured = (0..spectra.outputs()).map(|j| measured(spectra, &cells, j)).collect();
+        let (precision, outputs) = (DMatrix::zeros(0, 0), Vec::new());
+        Fit { layout, cells, a: vec![0.0; order], precision, outputs, iterations: 0, measured }
+    }
+
+    /// Iterates until nothing moves, or `most` iterations were made.
+    fn iterate(&mut self, spectra: &Spectra, most: usize) -> Result<()> {
+        let periods: Vec<usize> = spectra.records().iter().map(|r| r.periods()).collect();
+        let least = self.iterations + 2;
+        loop {
+            let first_steps = self.iterations < FIRST_STEPS;
+            let settings: Vec<Setting> = if self.outputs.is_empty() {
+                self.measured.iter().map(|y| Setting::first(spectra, &self.layout, &self.cells, y)).collect()
+            } else {
+                self.outputs.iter().map(|output| output.adapted(&self.cells, &periods, !first_steps)).collect()
+            };
+            let determined: f64 = self.outputs.iter().map(|o| o.determined).sum();
+            let moved = self.step(settings, if first_steps { Step::SteiglitzMcBride } else { Step::GaussNewton })?;
+            self.iterations += 1;
+            let now: f64 = self.outputs.iter().map(|o| o.determined).sum();
+            let still = moved < STILL && (now - determined).abs() <= SETTLED * now;
+            if (still && self.iterations > FIRST_STEPS && self.iterations >= least) || self.iterations >= most {
+                return Ok(());
+            }
+        }
+    }
+
+    /// One step under given settings; returns how far the denominator moved, squared, in standard deviations.
+    fn step(&mut self, settings: Vec<Setting>, step: Step) -> Result<f64> {
         let mut posteriors = Vec::with_capacity(settings.len());
         for (j, setting) in settings.iter().enumerate() {
-            let explained = if first_steps { &measured[j] } else { &fit.outputs[j].predicted };
-            let step = if first_steps { Step::SteiglitzMcBride } else { Step::GaussNewton };
-            let columns = columns(&fit.cells, &measured[j], explained, &fit.a, step);
+            let measured = &self.measured[j];
+            let explained = if step == Step::SteiglitzMcBride { measured } else { &self.outputs[j].predicted };
             let weights: Vec<Vec<f64>> =
                 setting.levels.iter().map(|levels| levels.iter().map(|l| 1.0 / l).collect()).collect();
             posteriors.push(posterior::posterior(&Data {
-                layout: &fit.layout,
-                cells: &fit.cells,
+                layout: &self.layout,
+                cells: &self.cells,
                 weights: &weights,
-                columns: &columns,
+                columns: &columns(&self.cells, measured, explained, &self.a, step),
                 scales: &setting.scales,
-                denominator: &fit.a,
+                denominator: &self.a,
             })?);
         }
         let reduced = posteriors.iter().skip(1).fold(posteriors[0].reduced.clone(), |sum, p| sum + &p.reduced);
         let (wanted, precision) = posterior::denominator_change(&reduced);
-        let start = if first_steps { vec![0.0; order] } else { fit.a.clone() };
-        fit.a = inside(&start, &wanted);
-        let change: Vec<f64> = fit.a.iter().zip(&start).map(|(new, old)| new - old).collect();
+        let start = if step == Step::SteiglitzMcBride { vec![0.0; self.a.len()] } else { self.a.clone() };
+        self.a = inside(&start, &wanted);
+        let change: Vec<f64> = self.a.iter().zip(&start).map(|(new, old)| new - old).collect();
+        let order = change.len();
         let moved = (0..order * order)
             .map(|i| change[i / order] * precision[(i / order, i % order)] * change[i % order])
             .sum::<f64>();
-        let before: f64 = fit.outputs.iter().map(|o| o.determined).sum();
-        fit.precision = precision;
-        fit.outputs = posteriors
-            .into_iter()
-            .zip(settings)
-            .zip(&measured)
-            .map(|((posterior, setting), y)| Output::new(&fit, y, posterior, setting, &change))
-            .collect();
-        fit.iterations += 1;
-        let now: f64 = fit.outputs.iter().map(|o| o.determined).sum();
-        let still = !first_steps && moved < STILL && (now - before).abs() <= SETTLED * now;
-        if (still && fit.iterations > FIRST_STEPS + 1) || fit.iterations >= options.iterations.max(FIRST_STEPS + 1) {
-            return Ok(fit);
-        }
+        self.precision = precision;
+        let outputs = posteriors.into_iter().zip(settings).zip(&self.measured);
+        self.outputs =
+            outputs.map(|((posterior, setting), y)| Output::new(self, y, posterior, setting, &change)).collect();
+        Ok(moved)
     }
-}
 
-impl Fit {
     /// Logarithm of the probability of the data, up to a constant of theirs: compares orders.
     ///
     /// # Errors
@@ -170,13 +224,19 @@ impl Fit {
 impl Output {
     fn new(fit: &Fit, measured: &[Vec<Complex>], posterior: Posterior, setting: Setting, change: &[f64]) -> Self {
         let coefficients = posterior.coefficients(change);
-        let predicted = posterior::predict(&fit.cells, &fit.a, &coefficients);
+        let (predicted, doubts) = posterior::predict(&fit.cells, &fit.a, &coefficients);
         let rest = |(y, p): (&Vec<Complex>, &Vec<Complex>)| y.iter().zip(p).map(|(y, p)| (y - p).norm_sqr()).collect();
         let residuals = measured.iter().zip(&predicted).map(rest).collect();
         let power = measured.iter().map(|y| y.iter().map(Complex::norm_sqr).collect()).collect();
         let sizes = posterior.sizes(&fit.layout, &coefficients, &setting.scales);
         let determined = sizes.iter().map(|(_, determined)| determined).sum();
-        Output { posterior, coefficients, residuals, power, determined, setting, predicted, sizes }
+        Output { posterior, coefficients, residuals, power, determined, setting, predicted, doubts, sizes }
+    }
+
+    /// The smooth part of the noise levels.
+    fn smooth(&self) -> Vec<Vec<f64>> {
+        let pairs = self.setting.levels.iter().zip(&self.setting.doubts);
+        pairs.map(|(levels, doubts)| levels.iter().zip(doubts).map(|(l, d)| l - d).collect()).collect()
     }
 
     /// Scales, and with `noise` levels, under which what was found is most probable.
@@ -185,8 +245,14 @@ impl Output {
         let news = self.sizes.iter().map(|(size, determined)| size / determined.max(0.5));
         setting.scales = news.zip(&setting.least_scales).map(|(new, &least)| new.max(least)).collect();
         if noise {
-            let leverage = &self.posterior.leverage;
-            setting.levels = noise::levels(cells, &self.residuals, leverage, periods, setting.least_level);
+            let given = noise::Residuals {
+                cells,
+                power: &self.residuals,
+                doubts: &setting.doubts,
+                levels: &self.smooth(),
+                leverage: &self.posterior.leverage,
+            };
+            setting.levels = noise::levels(&given, periods, setting.least_level);
         }
         setting
     }
@@ -212,6 +278,7 @@ impl Setting {
         }
         Setting {
             levels: cells.iter().map(|c| vec![FIRST_NOISE * power; c.rows.len()]).collect(),
+            doubts: cells.iter().map(|c| vec![0.0; c.rows.len()]).collect(),
             least_level: LEAST_NOISE * power,
             least_scales: scales.iter().map(|s| LEAST_SCALE * s).collect(),
             scales,

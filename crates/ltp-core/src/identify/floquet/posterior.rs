@@ -264,18 +264,23 @@ impl Posterior {
     }
 }
 
-/// The outputs that coefficients predict, per cell and row.
-pub(super) fn predict(cells: &[Cell], a: &[f64], coefficients: &[Vec<Complex>]) -> Vec<Vec<Complex>> {
+/// The outputs that coefficients predict, and the variance that noise of the inputs adds to them, per cell and row.
+pub(super) fn predict(cells: &[Cell], a: &[f64], coefficients: &[Vec<Complex>]) -> (Vec<Vec<Complex>>, Vec<Vec<f64>>) {
     let of_row = |cell: &Cell, r: usize, row: &Row| {
-        let inputs = &cell.inputs[r * cell.channels..(r + 1) * cell.channels];
-        let mut sum = Complex::new(0.0, 0.0);
-        for (c, &u) in inputs.iter().enumerate().filter(|(_, u)| **u != Complex::new(0.0, 0.0)) {
-            let places = &cell.places[c * BUMPS..(c + 1) * BUMPS];
-            let numerator: Complex =
-                places.iter().zip(&row.bumps).map(|(&(block, at), &bump)| coefficients[block][at] * bump).sum();
-            sum += u * numerator;
+        let range = r * cell.channels..(r + 1) * cell.channels;
+        let (mut sum, mut variance) = (Complex::new(0.0, 0.0), 0.0);
+        for (c, (&u, &doubt)) in cell.inputs[range.clone()].iter().zip(&cell.doubts[range]).enumerate() {
+            if u != Complex::new(0.0, 0.0) {
+                let places = &cell.places[c * BUMPS..(c + 1) * BUMPS];
+                let numerator: Complex =
+                    places.iter().zip(&row.bumps).map(|(&(block, at), &bump)| coefficients[block][at] * bump).sum();
+                sum += u * numerator;
+                variance += doubt * numerator.norm_sqr();
+            }
         }
-        sum / denominator(a, row.turn)
+        let inverse = 1.0 / denominator(a, row.turn);
+        (sum * inverse, variance * inverse.norm_sqr())
     };
-    cells.par_iter().map(|cell| cell.rows.iter().enumerate().map(|(r, row)| of_row(cell, r, row)).collect()).collect()
+    let of_cell = |cell: &Cell| cell.rows.iter().enumerate().map(|(r, row)| of_row(cell, r, row)).unzip();
+    cells.par_iter().map(of_cell).unzip()
 }

@@ -41,6 +41,8 @@ pub(super) struct Cell {
     pub channels: usize,
     /// What the channels multiply, (rows, channels).
     pub inputs: Vec<Complex>,
+    /// Variance of the noise in them, (rows, channels).
+    pub doubts: Vec<f64>,
     /// Places of the unknowns, (channels, 5).
     pub places: Vec<Place>,
 }
@@ -88,7 +90,7 @@ pub(super) fn cells(spectra: &Spectra, layout: &Layout) -> Vec<Cell> {
         let channels = layout.channels_of_cell(cell);
         let splines = cell..cell + BUMPS as i64;
         let places = channels.iter().flat_map(|&c| splines.clone().filter_map(move |q| layout.place(c, q))).collect();
-        let (mut rows, mut inputs) = (Vec::new(), Vec::new());
+        let (mut rows, mut inputs, mut doubts) = (Vec::new(), Vec::new(), Vec::new());
         for (r, record) in spectra.records().iter().enumerate() {
             let periods = record.periods() as i64;
             // Line b stands at b / periods pumping frequencies, interval b knots / periods.
@@ -100,25 +102,32 @@ pub(super) fn cells(spectra: &Spectra, layout: &Layout) -> Vec<Cell> {
                 let share = if line == 0 { 0.5 } else { 1.0 };
                 rows.push(Row { record: r, line: line as usize, share, bumps: quartic::values(place), turn });
                 let delayed = |b: i64| Complex::from_polar(1.0, -(b as f64) * record.spacing() * layout.delay);
-                inputs.extend(channels.iter().map(|channel| match *channel {
-                    Channel::Harmonic { k, input } => {
-                        let b = line - k * periods;
-                        calibrated(record.input(input, b), noise[r][input]) * delayed(b)
-                    }
-                    Channel::Transient { record: own } if own == r => {
-                        delayed(line) * Complex::from_polar(1.0, -(line as f64) * record.spacing() * record.start())
-                    }
-                    Channel::Transient { .. } => Complex::new(0.0, 0.0),
-                }));
+                for channel in &channels {
+                    let (value, doubt) = match *channel {
+                        Channel::Harmonic { k, input } => {
+                            let b = line - k * periods;
+                            let (value, doubt) = calibrated(record.input(input, b), noise[r][input]);
+                            (value * delayed(b), doubt)
+                        }
+                        Channel::Transient { record: own } if own == r => {
+                            let begun = Complex::from_polar(1.0, -(line as f64) * record.spacing() * record.start());
+                            (delayed(line) * begun, 0.0)
+                        }
+                        Channel::Transient { .. } => (Complex::new(0.0, 0.0), 0.0),
+                    };
+                    inputs.push(value);
+                    doubts.push(doubt);
+                }
             }
         }
-        Cell { rows, channels: channels.len(), inputs, places }
+        Cell { rows, channels: channels.len(), inputs, doubts, places }
     };
     (0..layout.cells).map(cell_of).collect()
 }
 
-/// What is expected behind a noisy line.
-fn calibrated(line: Complex, noise: f64) -> Complex {
+/// What is expected behind a noisy line, and the variance of what is left.
+fn calibrated(line: Complex, noise: f64) -> (Complex, f64) {
     let power = line.norm_sqr();
-    if power > ABOVE_NOISE * noise { line * (1.0 - noise / power) } else { Complex::new(0.0, 0.0) }
+    let share = if power > ABOVE_NOISE * noise { 1.0 - noise / power } else { 0.0 };
+    (line * share, noise * share)
 }

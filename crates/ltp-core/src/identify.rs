@@ -21,6 +21,8 @@ pub mod phase;
 pub mod rest;
 pub mod section;
 pub mod spectra;
+#[cfg(test)]
+mod testing;
 
 use crate::error::Result;
 use crate::periodic::Htf;

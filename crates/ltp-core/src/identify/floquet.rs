@@ -224,3 +224,7 @@ fn doubts(htf: &Htf) -> Vec<String> {
         first - 1
     )]
 }
+
+#[cfg(test)]
+#[path = "floquet_tests.rs"]
+mod tests;

@@ -100,6 +100,24 @@ pub fn identify(spectra: &Spectra, options: &super::Options, own: &Options) -> R
     Ok(htf)
 }
 
+/// Number of lines up to where input `i` has power.
+fn lines_within(spectra: &Spectra, record: &Record, i: usize) -> usize {
+    ((spectra.excited(i) / record.spacing()) as usize).clamp(1, record.lines() - 1) + 1
+}
+
+/// Excited lines of input `i` over records of equal length, and the power of the noise between them; no lines when the input
+/// does not consist of lines that stand apart.
+pub(super) fn excited_lines(spectra: &Spectra, records: &[Record], i: usize, weakest: f64) -> (Vec<i64>, f64) {
+    let of_line = |b: i64| records.iter().map(|r| r.input(i, b).norm_sqr()).sum();
+    let power: Vec<f64> = (0..records[0].lines() as i64).map(of_line).collect();
+    let within = lines_within(spectra, &records[0], i);
+    let noise = stats::median(&power[..within]) / LN_2;
+    let strongest = power.iter().copied().fold(0.0, f64::max);
+    let level = (weakest * strongest).max(ABOVE_NOISE * noise);
+    let found: Vec<i64> = (0..power.len() as i64).filter(|&b| power[b as usize] > level).collect();
+    if found.len() as f64 > SPARSE * within as f64 { (Vec::new(), noise) } else { (found, noise) }
+}
+
 /// Which lines are excited and where they answer.
 #[derive(Clone, Debug)]
 struct Design {
@@ -134,22 +152,16 @@ impl Design {
         let mut input_noise = Vec::new();
         for i in 0..spectra.inputs() {
             // Lines beyond the band are sources as well.
-            let power: Vec<f64> =
-                (0..first.lines() as i64).map(|b| records.iter().map(|r| r.input(i, b).norm_sqr()).sum()).collect();
-            let top = ((spectra.excited(i) / first.spacing()) as usize).clamp(1, power.len() - 1);
-            let noise = stats::median(&power[..=top]) / LN_2;
-            let strongest = power.iter().copied().fold(0.0, f64::max);
-            let level = (own.weakest * strongest).max(ABOVE_NOISE * noise);
-            let found: Vec<i64> = (0..power.len() as i64).filter(|&b| power[b as usize] > level).collect();
-            if found.is_empty() || found.len() as f64 > SPARSE * (top + 1) as f64 {
+            let (found, noise) = excited_lines(spectra, records, i, own.weakest);
+            let top = lines_within(spectra, first, i);
+            if found.is_empty() {
                 let what = format!("excited lines of input `{}`", spectra.input_names()[i]);
                 let expected = format!(
-                    "single lines among the {} up to {:.3} Hz: the record must hold whole periods of a periodic input (cut it, \
+                    "single lines among the {top} up to {:.3} Hz: the record must hold whole periods of a periodic input (cut it, \
                      or use the method `floquet`)",
-                    top + 1,
                     spectra.excited(i) / TAU
                 );
-                return Err(Error::OutOfRange { what, found: found.len() as f64, expected });
+                return Err(Error::OutOfRange { what, found: 0.0, expected });
             }
             input_noise.push(noise / records.len() as f64);
             excited.extend(found.into_iter().map(|b| (i, b)));
@@ -326,3 +338,7 @@ fn solve(
 fn gcd(a: i64, b: i64) -> i64 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
+
+#[cfg(test)]
+#[path = "lines_tests.rs"]
+mod tests;

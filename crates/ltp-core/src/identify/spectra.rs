@@ -27,6 +27,8 @@ const ORBIT_LINES: i64 = 2;
 const WINDOWS: f64 = 8.0;
 /// Power per line, relative to the median of the excited windows, below which nothing can be said.
 const NO_POWER: f64 = 1e-5;
+/// Power per line, relative to the strongest window, that is no excitation.
+const FAINT: f64 = 1e-6;
 /// Power per line, relative to the windows just below, above which an input is still within its band.
 const EDGE: f64 = 0.02;
 
@@ -138,7 +140,8 @@ impl Spectra {
         spectra.excited = (0..spectra.inputs()).map(|i| spectra.edge(i) as f64 * spectra.window()).collect();
         spectra.band = spectra.find_band(options)?;
         spectra.check_nyquist(options)?;
-        clock::check(&spectra, options.orbit)?;
+        let whole: Vec<Record> = recordings.iter().map(uncut).collect();
+        clock::check(&spectra, &whole, options.orbit)?;
         Ok(spectra)
     }
 
@@ -230,7 +233,9 @@ impl Spectra {
         }
         let below = |i: &usize| rest[*i] < EDGE * stats::median(&power[i.saturating_sub(3)..*i]);
         let drop = (1..power.len()).find(below).unwrap_or(power.len());
-        let floor = self.above_noise(stats::median(&power[power.len() / 2..]));
+        // Where single lines stand apart, windows between them hold nothing but rounding.
+        let strongest = power.iter().copied().fold(0.0, f64::max);
+        let floor = self.above_noise(stats::median(&power[power.len() / 2..])).max(FAINT * strongest);
         match power.iter().rposition(|p| *p > floor) {
             Some(last) if 2 * (last + 1) < power.len() => drop.min(last + 1),
             _ => drop,
@@ -347,6 +352,23 @@ fn check_columns(recording: &Recording, first: &Recording) -> Result<()> {
     Ok(())
 }
 
+/// Lines of one recording as it is, whatever its period.
+fn uncut(recording: &Recording) -> Record {
+    let (samples, dt) = (recording.len(), recording.dt());
+    let scale = 1.0 / (samples as f64).sqrt();
+    let lines = |x: Vec<f64>| -> Vec<Complex> { fft::forward(&x).into_iter().map(|line| line * scale).collect() };
+    Record {
+        name: recording.name().to_owned(),
+        samples,
+        dt,
+        periods: 0,
+        spacing: TAU / (samples as f64 * dt),
+        start: 0.0,
+        inputs: (0..recording.input_names().len()).map(|i| lines(recording.input(i).collect())).collect(),
+        outputs: (0..recording.output_names().len()).map(|j| lines(recording.output(j).collect())).collect(),
+    }
+}
+
 /// Lines of one recording, cut to whole periods.
 fn transform(recording: &Recording, period: f64, warnings: &mut Vec<String>) -> Result<Record> {
     let (name, n, dt) = (recording.name(), recording.len(), recording.dt());
@@ -409,3 +431,7 @@ fn gaps(power: &[f64], level: f64) -> Vec<(usize, usize)> {
     }
     runs
 }
+
+#[cfg(test)]
+#[path = "spectra_tests.rs"]
+mod tests;

@@ -20,6 +20,9 @@ use crate::numeric::quartic::BUMPS;
 /// Products of two of the five bumps.
 const PRODUCTS: usize = BUMPS * (BUMPS + 1) / 2;
 
+/// Shares by which the diagonal is raised, one after the other, when rounding makes the normal matrix indefinite.
+const RAISED: [f64; 3] = [1e-13, 1e-12, 1e-11];
+
 /// What the denominator's columns are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Step {
@@ -162,6 +165,20 @@ fn add(matrix: &mut Folded, row: (usize, usize), column: (usize, usize), value: 
     }
 }
 
+/// Factors, with the diagonal raised by what rounding may have taken from it when records without noise leave combinations
+/// of the unknowns to the prior.
+fn factor(matrix: &mut Folded, mirror: &[usize]) -> Result<Factors> {
+    for raised in RAISED {
+        if let Ok(factors) = matrix.factor(mirror) {
+            return Ok(factors);
+        }
+        for block in &mut matrix.diagonal {
+            (0..block.nrows()).for_each(|i| block[(i, i)] *= 1.0 + raised);
+        }
+    }
+    matrix.factor(mirror)
+}
+
 /// Coefficients, covariance and reduced system.
 ///
 /// # Errors
@@ -192,7 +209,7 @@ pub(super) fn posterior(data: &Data) -> Result<Posterior> {
         add(&mut matrix, row, column, Complex::from(value / data.scales[group]))
     });
 
-    let factors: Factors = matrix.factor(&mirror)?;
+    let factors = factor(&mut matrix, &mirror)?;
     let solutions = factors.solve(&right);
     let mut reduced = corner;
     for (i, (right, solution)) in right.iter().zip(&solutions).enumerate() {

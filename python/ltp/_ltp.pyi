@@ -19,6 +19,7 @@ __all__ = [
     "LtpSystem",
     "Model",
     "Multisine",
+    "NormalBand",
     "PeriodicArx",
     "Phase",
     "Recording",
@@ -46,6 +47,7 @@ __all__ = [
     "settling_periods",
     "simulate",
     "sine",
+    "smooth",
     "step",
     "switch_events",
     "unit_factor",
@@ -538,3 +540,14 @@ def settling_periods(multiplier: float) -> int: ...
 def e_rms(measured: npt.NDArray[np.float64], predicted: npt.NDArray[np.float64]) -> float: ...
 def rms_error(measured: npt.NDArray[np.float64], predicted: npt.NDArray[np.float64]) -> float: ...
 def relative_rms(measured: npt.NDArray[np.float64], predicted: npt.NDArray[np.float64]) -> float: ...
+
+class NormalBand:
+    def __new__(cls, rows: npt.NDArray[np.complex128], smoothness: float) -> NormalBand: ...
+    @property
+    def bytes(self) -> int: ...
+    def factor(self) -> None: ...
+    def solve(self, b: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]: ...
+
+def smooth(
+    rows: npt.NDArray[np.complex128], y: npt.NDArray[np.complex128], smoothness: float, mirrored: bool
+) -> npt.NDArray[np.complex128]: ...

@@ -3,7 +3,8 @@
 //! Read in order: [`error`] (how failures arrive), [`door`] (how work is done without holding the interpreter),
 //! [`array`] (how numbers cross), [`interrupt`] (how a simulation is stopped), then the nouns [`model`], [`recording`] and
 //! [`trajectory`], the verbs [`simulate`], [`diagnose`] and [`conceal`], what is read from unclocked recordings ([`unclocked`],
-//! [`arx`] and [`section`]), and what experiments put in ([`signals`]).
+//! [`arx`] and [`section`]), what experiments put in ([`signals`]), and
+//! [`kernels`] for benchmarks.
 
 mod array;
 mod arx;
@@ -15,6 +16,7 @@ mod error;
 mod htf;
 mod identify;
 mod interrupt;
+mod kernels;
 mod linearize;
 mod model;
 mod recording;
@@ -41,6 +43,8 @@ mod _ltp {
     use crate::htf::Htf;
     #[pymodule_export]
     use crate::identify::{identify, rests};
+    #[pymodule_export]
+    use crate::kernels::{NormalBand, smooth};
     #[pymodule_export]
     use crate::linearize::{LtpSystem, linearize};
     #[pymodule_export]

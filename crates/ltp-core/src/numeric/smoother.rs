@@ -32,9 +32,12 @@ pub use observations::Observations;
 use pulp::Arch;
 pub use uncertainty::Uncertainty;
 
-/// The prior variance of the level, at least: in variances of the walk's steps, and of an unknown seen by one row. (Wider
+/// The prior variance of an unknown against what the walk reaches before data say more than it does, but at most
+/// this many of the walk's steps or what it reaches over the whole axis; and against the variance that one row leaves. (Wider
 /// priors cost digits, narrower ones passes.)
-const WIDE: [f64; 2] = [1e6, 1e6];
+const WIDE: f64 = 1e5;
+const MOST: f64 = 1e5;
+const ALONE: f64 = 1e4;
 /// Conjugate gradients stop at this relative pull of the prior, or after so many passes.
 const PULL: f64 = 1e-10;
 const PASSES: usize = 40;
@@ -64,8 +67,8 @@ pub struct Estimate {
 pub struct Smoother<'a> {
     observations: &'a Observations,
     noise: f64,
-    /// Prior variance of the level and of the slope.
-    prior: [f64; 2],
+    /// Prior variance of each level and of each slope.
+    prior: [Vec<f64>; 2],
     /// Of each row: gain of the level, gain of the slope, padded.
     gains: Vec<f64>,
     /// Of each row: variance of its innovation.
@@ -99,15 +102,25 @@ impl<'a> Smoother<'a> {
                 expected: "more than zero: nothing is excited".into(),
             });
         }
-        let (noise, span) = (1.0 / smoothness, steps as f64);
-        // no less than what the walk itself reaches over the whole axis
-        let level = noise * WIDE[0].max(span.powi(3) / 3.0) + WIDE[1] / power;
-        let prior = [level, 3.0 * level / (span * span)];
+        if let End::Mirror(mirror) = end
+            && mirror.len() != n
+        {
+            let what = "mirror of the unknowns".into();
+            return Err(Error::Shape { what, expected: n, found: mirror.len() });
+        }
+        let noise = 1.0 / smoothness;
+        let walked = |reach: f64| noise * reach.powi(3) / 3.0;
+        let most = walked(steps as f64).max(MOST * noise);
+        let prior = observations.silence(noise, end).into_iter().map(|reach| {
+            let level = most.min(WIDE * walked(reach)) + ALONE / power;
+            (level, 3.0 * level / (reach * reach))
+        });
+        let (levels, slopes) = prior.unzip();
         let rows = observations.rows();
         let mut smoother = Self {
             observations,
             noise,
-            prior,
+            prior: [levels, slopes],
             gains: Vec::with_capacity(rows * 4 * padded(n)),
             variances: Vec::with_capacity(rows),
             every: (3 * n).div_ceil(2),
@@ -122,7 +135,7 @@ impl<'a> Smoother<'a> {
         let obs = self.observations;
         let (n, last) = (obs.n, obs.steps() - 1);
         let mirrored = matches!(end, End::Mirror(_));
-        let mut state = Blocks::diagonal(n, self.prior[0], self.prior[1]);
+        let mut state = Blocks::diagonal(&self.prior[0], &self.prior[1]);
         let [mut h, mut level, mut slope] = [Vector::zero(n), Vector::zero(n), Vector::zero(n)];
         self.checkpoints.reserve(Blocks::packed(n) * obs.steps().div_ceil(self.every));
         for t in 0..=last {
@@ -160,10 +173,6 @@ impl<'a> Smoother<'a> {
             }
         }
         if let End::Mirror(mirror) = end {
-            if mirror.len() != n {
-                let what = "mirror of the unknowns".into();
-                return Err(Error::Shape { what, expected: n, found: mirror.len() });
-            }
             let rows: Vec<Vector> = obs.at(last).map(|r| obs.vector(r)).map(conjugate).collect();
             let closing = Closing::new(&state, mirror, self.noise, &rows)?;
             self.closing = Some((state, closing));
@@ -268,8 +277,8 @@ impl<'a> Smoother<'a> {
         let mut mean = [Vector::zero(n), Vector::zero(n)];
         let weigh = |r: &[Vector; 2]| {
             let mut out = r.clone();
-            for (v, prior) in out.iter_mut().zip(self.prior) {
-                v.data.iter_mut().for_each(|v| *v *= prior);
+            for (v, prior) in out.iter_mut().zip(&self.prior) {
+                (0..n).for_each(|i| v.set(i, v.get(i) * prior[i]));
             }
             out
         };
@@ -365,9 +374,9 @@ impl<'a> Smoother<'a> {
         self.variances.iter().map(|v| v.ln()).sum()
     }
 
-    /// Variances of level and slope at the first step, before any row, with which the covariances begin.
-    pub fn prior(&self) -> [f64; 2] {
-        self.prior
+    /// Variances of all levels and of all slopes at the first step, before any row, with which the covariances begin.
+    pub fn prior(&self) -> [&[f64]; 2] {
+        [&self.prior[0], &self.prior[1]]
     }
 
     /// Bytes held between passes.

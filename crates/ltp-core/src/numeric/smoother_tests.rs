@@ -47,7 +47,7 @@ struct Dense {
 
 impl Dense {
     /// With a prior for level and slope at the first step, and perhaps the mirrored one at the last.
-    fn new(problem: &Problem, smoothness: f64, prior: Option<[f64; 2]>, both: bool) -> Self {
+    fn new(problem: &Problem, smoothness: f64, prior: Option<[&[f64]; 2]>, both: bool) -> Self {
         let n = problem.iter().flatten().next().map_or(1, |(u, _)| u.len());
         let (steps, count) = (problem.len(), problem.iter().flatten().count());
         let penalties = count + (steps - 2) * n;
@@ -68,11 +68,13 @@ impl Dense {
         if let Some([level, slope]) = prior {
             let ends = if both { vec![(0, 1), (steps - 1, steps - 2)] } else { vec![(0, 1)] };
             for (end, (first, second)) in ends.into_iter().enumerate() {
-                for i in 0..n {
-                    let row = penalties + 2 * end * n + 2 * i;
-                    a[(row, first * n + i)] = Complex::new(level.powf(-0.5), 0.0);
-                    a[(row + 1, first * n + i)] = Complex::new(-slope.powf(-0.5), 0.0);
-                    a[(row + 1, second * n + i)] = Complex::new(slope.powf(-0.5), 0.0);
+                for j in 0..n {
+                    // at the far end stand the mirrored unknowns
+                    let i = if end == 0 { j } else { n - 1 - j };
+                    let row = penalties + 2 * end * n + 2 * j;
+                    a[(row, first * n + j)] = Complex::new(level[i].powf(-0.5), 0.0);
+                    a[(row + 1, first * n + j)] = Complex::new(-slope[i].powf(-0.5), 0.0);
+                    a[(row + 1, second * n + j)] = Complex::new(slope[i].powf(-0.5), 0.0);
                 }
             }
         }

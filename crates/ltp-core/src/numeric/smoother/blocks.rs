@@ -111,15 +111,20 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// `diag(level, ..., slope, ...)`.
-    pub(super) fn diagonal(n: usize, level: f64, slope: f64) -> Self {
+    /// Zero.
+    pub(super) fn zero(n: usize) -> Self {
         let stride = padded(n);
-        let mut data = Aligned::zeros(n * PLANES * stride);
-        for i in 0..n {
-            data[i * PLANES * stride + i] = level;
-            data[(i * PLANES + 6) * stride + i] = slope;
+        Self { n, stride, data: Aligned::zeros(n * PLANES * stride) }
+    }
+
+    /// The diagonal matrix of these levels and slopes.
+    pub(super) fn diagonal(levels: &[f64], slopes: &[f64]) -> Self {
+        let mut blocks = Self::zero(levels.len());
+        for (i, (&level, &slope)) in levels.iter().zip(slopes).enumerate() {
+            blocks.set((0, i), (0, i), Complex::new(level, 0.0));
+            blocks.set((1, i), (1, i), Complex::new(slope, 0.0));
         }
-        Self { n, stride, data }
+        blocks
     }
 
     /// Entry of the level (0) or slope (1) `i` with the level or slope `j`.
@@ -230,7 +235,7 @@ impl Blocks {
 
     /// The matrix that was packed.
     pub(super) fn unpack(n: usize, store: &[f64]) -> Self {
-        let mut blocks = Self::diagonal(n, 0.0, 0.0);
+        let mut blocks = Self::zero(n);
         let mut values = store.chunks_exact(2).map(|v| Complex::new(v[0], v[1]));
         let mut put = |p, q| {
             let value = values.next().unwrap_or_default();

@@ -113,7 +113,7 @@ impl Closing {
             column.copy_from(&x);
         }
         let omega = self.conditions.tr_mul(&solved);
-        let mut blocks = Blocks::diagonal(n, 0.0, 0.0);
+        let mut blocks = Blocks::zero(n);
         for p in 0..2 * n {
             for q in p..2 * n {
                 let re = 0.5 * (omega[(p, q)] + omega[(2 * n + p, 2 * n + q)]);

@@ -1,7 +1,11 @@
 //! The rows that a smoother sees, in the form in which its passes read them.
 
+use super::End;
 use super::blocks::{Vector, padded};
 use crate::numeric::Complex;
+
+/// Fewest steps that count as the silence of an unknown.
+const SHORT: usize = 10;
 
 /// Rows of the observations, step by step.
 #[derive(Clone)]
@@ -71,5 +75,32 @@ impl Observations {
 
     pub(super) fn vector(&self, r: usize) -> Vector {
         Vector { stride: padded(self.n), data: self.row(r).to_vec() }
+    }
+
+    /// For each unknown the number of steps until its rows say more about it than a walk with steps of variance `noise`.
+    pub(super) fn silence(&self, noise: f64, end: &End) -> Vec<f64> {
+        let (n, steps) = (self.n, self.steps());
+        let mut said = vec![0.0; n];
+        let mut reach = vec![0.0; n];
+        let mut listen = |step: usize, t: usize, unknown: &dyn Fn(usize) -> usize| {
+            let far = (step + SHORT) as f64;
+            let walked = noise * far.powi(3) / 3.0;
+            for r in self.at(t) {
+                for i in (0..n).filter(|&i| reach[i] == 0.0) {
+                    said[i] += self.coefficient(r, unknown(i)).norm_sqr();
+                }
+            }
+            for (reach, said) in reach.iter_mut().zip(&said) {
+                if *reach == 0.0 && said * walked >= 1.0 {
+                    *reach = far;
+                }
+            }
+        };
+        (0..steps).for_each(|t| listen(t, t, &|i| i));
+        if let End::Mirror(mirror) = end {
+            (1..steps).for_each(|t| listen(steps - 1 + t, steps - 1 - t, &|i| mirror[i]));
+        }
+        let most = if matches!(end, End::Mirror(_)) { 2 * steps } else { steps };
+        reach.into_iter().map(|reach| if reach > 0.0 { reach } else { (most + SHORT) as f64 }).collect()
     }
 }

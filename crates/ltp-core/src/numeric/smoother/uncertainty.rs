@@ -27,7 +27,7 @@ impl Smoother<'_> {
         let (n, open) = (obs.n, self.open_steps());
         let mut remaining = vec![0.0; obs.rows()];
         let (mut steps, mut variances) = (Vec::new(), Vec::new());
-        let mut information = Blocks::diagonal(n, 0.0, 0.0);
+        let mut information = Blocks::zero(n);
         if let Some((state, closing)) = &self.closing {
             let (added, left) = closing.information();
             obs.at(open).zip(left).for_each(|(r, left)| remaining[r] = left);

@@ -69,13 +69,12 @@ pub fn identify(
     Ok(door::long(py, None, move |_| core::identify(&recordings, &options))?.into())
 }
 
-/// What every output shows where the input rests, as (recording, output, bias, its sd, periodic part, rms, periods).
+/// Recording, output, bias, its sd, rms of the periodic part, rms of the output, periods.
+type Rest = (String, String, f64, f64, f64, f64, usize);
+
+/// What every output shows where the input rests.
 #[pyfunction]
-pub fn rests(
-    py: Python<'_>,
-    recordings: Vec<PyRef<'_, Recording>>,
-    period: f64,
-) -> PyResult<Vec<(String, String, f64, f64, f64, f64, usize)>> {
+pub fn rests(py: Python<'_>, recordings: Vec<PyRef<'_, Recording>>, period: f64) -> PyResult<Vec<Rest>> {
     let recordings: Vec<_> = recordings.iter().map(|recording| recording.core().clone()).collect();
     let found = door::long(py, None, move |_| Ok(core::rest::rests(&recordings, period)))?;
     let tuple = |r: core::rest::Rest| (r.recording, r.output, r.bias, r.bias_sd, r.periodic, r.rms, r.periods);

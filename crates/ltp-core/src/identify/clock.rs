@@ -259,7 +259,7 @@ mod tests {
         let y = good.output(0).zip(good.t()).map(|(y, &t)| y + orbit(t)).collect();
         let record = recording(good.input(0).collect(), y, 0.0, DT);
         assert_eq!(said(record.clone(), &options(0.5, Orbit::Removed)), "");
-        assert!(Spectra::new(&[record.clone()], &options(0.5007, Orbit::Removed)).is_err());
+        assert!(Spectra::new(std::slice::from_ref(&record), &options(0.5007, Orbit::Removed)).is_err());
         let found = proposed(record, &options(0.5007, Orbit::Removed));
         assert!((found - 0.5).abs() < 1e-4, "{found}");
     }

@@ -84,12 +84,13 @@ def _headline(title: str, done: Reproduction) -> str:
 
 
 def _cell(text: str) -> str:
-    indented = text.replace("  ", "\u2003", 1) if text.startswith("  ") else text
-    return MISSING if indented == NONE else indented
+    # An en dash leads what belongs to the row above: HTML swallows spaces at the beginning of a cell.
+    led = f"\N{EN DASH} {text.strip()}" if text.startswith("  ") else text
+    return MISSING if led == NONE else led
 
 
 def _section(index: int, chapter: Chapter, drawn: list[str]) -> str:
-    # HTML swallows spaces at the beginning of a cell; a missing figure is a dash of the width of a digit.
+    # A missing figure is a dash of the width of a digit.
     rows = [[_cell(cell) for cell in row.cells()] for row in chapter.rows]
     parts = [
         f'<section aria-labelledby="c{index}">\n<h2 id="c{index}">{escape(chapter.title)}</h2>',

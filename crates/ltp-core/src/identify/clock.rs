@@ -9,6 +9,7 @@
 //! Reference: W. A. Gardner, *Exploitation of spectral redundancy in cyclostationary signals*, IEEE Signal Processing Magazine
 //! 8(2) (1991) 14-36.
 
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
 use super::spectra::Record;
@@ -34,6 +35,8 @@ const SEEN_ORBIT: f64 = 100.0;
 const FLAT: f64 = 1.0 / 16.0;
 /// Power, relative to the mean, that is rounding and is not made flat.
 const RUBBISH: f64 = 1e-9;
+/// Share of the lines modulo the clock that answers may take before they say nothing of it.
+const CROWDED: f64 = 0.25;
 /// Another period fits better when its lines are this many times stronger.
 const BETTER: f64 = 1.3;
 /// Lines between the multiples count when they are this strong against those on them.
@@ -110,7 +113,18 @@ fn cyclic(spectra: &Spectra, record: &Record, orbit: Orbit) -> Cyclic {
     if orbit == Orbit::Removed {
         return of_outputs(spectra, record, &[]);
     }
+    if crowded((spectra.pumping() / record.spacing()).round() as i64, &excited) {
+        return Cyclic { power: Vec::new(), density: 1.0, origins: Vec::new() };
+    }
     if excited.is_empty() { of_products(spectra, record) } else { of_outputs(spectra, record, &excited) }
+}
+
+/// Whether the answers to the excited lines stand so close that every candidate period leads from one to another: then they
+/// say nothing of the clock. All odd lines of a multisine whose lines have residues of their own are answers, for one.
+fn crowded(periods: i64, excited: &[i64]) -> bool {
+    let answers: BTreeSet<i64> =
+        excited.iter().flat_map(|b| [b.rem_euclid(periods), (-b).rem_euclid(periods)]).collect();
+    answers.len() as f64 > CROWDED * periods as f64
 }
 
 /// Largest frequency away from an origin that is looked at, rad/s.

@@ -1,10 +1,10 @@
 """Races ltp's two routes through Siddiqi's least squares against LAPACK's banded Cholesky on one system in one run.
 
-Owns: the comparison that the page on identification quotes. The system is the paper's (Uyanik et al. 2015): 21 harmonics,
-21 chirps from 0 to 5 Hz in 20 s, a record of 1400 periods of 0.33 s, 33 545 output frequencies, 704 445 complex unknowns,
-half-bandwidth 42. Every competitor runs in a process of its own, so that threads and memory are its own; rounds alternate,
-and the best of each counts. Prints times, ratios, peak memory and differences, then PASS or FAIL for each bar; times
-depend on the machine and its load, so nothing is asserted.
+Owns: the comparison that the page on identification quotes. The system is the paper's (Uyanik et al. 2015): 21
+harmonics, 21 chirps from 0 to 5 Hz in 20 s, a record of 1400 periods of 0.33 s, 33 545 output frequencies, 704 445
+complex unknowns, half-bandwidth 42. Every competitor runs in a process of its own, so that threads and memory are its
+own; rounds alternate, and the best of each counts. Prints times, ratios, peak memory and differences, then PASS or FAIL
+for each bar; times depend on the machine and its load, so nothing is asserted.
 
 `python benches/identify_side_by_side.py [ROUNDS]`
 """
@@ -161,7 +161,8 @@ def main() -> None:
                 memory[entry] = max(memory.get(entry, 0.0), found["bytes"])
         for who, threads in field:
             mib = memory[who, threads] / 2**20
-            print(f"{who:20} {threads} thread{'s' * (threads > 1):1}  {seconds[who, threads] * 1e3:8.1f} ms  {mib:7.1f} MiB")
+            words = f"{who:20} {threads} thread{'s' * (threads > 1):1}"
+            print(f"{words}  {seconds[who, threads] * 1e3:8.1f} ms  {mib:7.1f} MiB")
         answers = {who: np.load(Path(folder) / f"{who}.npy") for who in {who for who, _ in field}}
         largest = np.abs(answers["smoother"]).max()
         for who in ("lapack", "banded", "two-sided smoother"):

@@ -21,7 +21,7 @@ use crate::numeric::quartic::BUMPS;
 const PRODUCTS: usize = BUMPS * (BUMPS + 1) / 2;
 
 /// Shares by which the diagonal is raised, one after the other, when rounding makes the normal matrix indefinite.
-const RAISED: [f64; 3] = [1e-13, 1e-12, 1e-11];
+const RAISED: [f64; 6] = [1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8];
 
 /// What the denominator's columns are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

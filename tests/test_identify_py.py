@@ -59,7 +59,8 @@ def identify(recording: ltp.Recording | list[ltp.Recording], **options: object) 
 
 class TestFinds:
     def test_the_closed_form(self) -> None:
-        htf = identify(record())
+        # The order is given: without any noise the evidence may settle on a lower one.
+        htf = identify(record(), order=2)
         for k in htf.harmonics:
             expected = truth(abs(int(k)), htf.omega) if abs(k) <= 1 else np.zeros(len(htf.omega))
             assert np.abs(htf.harmonic(int(k)) - expected).max() < 2e-3 * np.abs(truth(0, htf.omega)).max()

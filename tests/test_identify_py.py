@@ -59,14 +59,13 @@ def identify(recording: ltp.Recording | list[ltp.Recording], **options: object) 
 
 class TestFinds:
     def test_the_closed_form(self) -> None:
-        # The order is given: without any noise the evidence may settle on a lower one.
-        htf = identify(record(), order=2)
+        htf = identify(record())
         for k in htf.harmonics:
             expected = truth(abs(int(k)), htf.omega) if abs(k) <= 1 else np.zeros(len(htf.omega))
             assert np.abs(htf.harmonic(int(k)) - expected).max() < 2e-3 * np.abs(truth(0, htf.omega)).max()
 
     def test_the_multipliers(self) -> None:
-        figures = identify(record(), order=2).figures
+        figures = identify(record()).figures
         rate = 0.5 * DAMPING
         expected = np.exp((-rate + 1j * math.sqrt(100.0 - rate**2)) * PERIOD)
         assert figures["a1"] == pytest.approx(2 * expected.real, abs=2e-3)

@@ -142,7 +142,7 @@ fn choose(spectra: &Spectra, harmonics: usize, own: &Options) -> Result<(usize, 
     let highest = spectra.band() + harmonics.min(SCOUT) as f64 * spectra.pumping();
     let (mut best, mut fallen) = ((0, f64::NEG_INFINITY), 0);
     for order in 0..=own.highest_order {
-        let evidence = fit::fit(spectra, order, reach, highest, own)?.evidence()?;
+        let evidence = fit::fit(spectra, order, reach, highest, own)?.evidence();
         if evidence > best.1 {
             (best, fallen) = ((order, evidence), 0);
         } else {

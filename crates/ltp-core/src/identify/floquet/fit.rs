@@ -24,10 +24,13 @@ const FIRST_STEPS: usize = 3;
 const FIRST_NOISE: f64 = 1e-2;
 /// First scale of the coefficients, relative to the quotient of output and input power.
 const FIRST_SCALE: f64 = 1e3;
-/// Least noise level, relative to the power of the output: a part per million of its amplitude is rounding and integration.
-const LEAST_NOISE: f64 = 1e-13;
+/// Least noise level, relative to the power of the output: below a hundred thousandth of its amplitude, normal equations in
+/// double precision no longer tell noise from rounding.
+const LEAST_NOISE: f64 = 1e-10;
 /// Least scale, relative to the first.
 const LEAST_SCALE: f64 = 1e-20;
+/// Halvings of a step that does not lower what is minimised, before it is given up.
+const HALVINGS: usize = 8;
 /// Noise of the inputs is looked at where it may be more than this share of the level.
 const NOTICED: f64 = 0.02;
 /// Converged when the denominator moves by less than this many of its standard deviations, squared ...
@@ -49,6 +52,15 @@ pub(super) struct Fit {
     pub iterations: usize,
     /// Lines of the outputs, per output, cell and row.
     measured: Vec<Vec<Vec<Complex>>>,
+    /// Logarithm of the determinant of the prior precision at unit scales, of one output.
+    prior: f64,
+}
+
+/// Coefficients and what was found with them.
+struct State {
+    a: Vec<f64>,
+    precision: DMatrix<f64>,
+    outputs: Vec<Output>,
 }
 
 /// What one output says.
@@ -89,7 +101,7 @@ pub(super) struct Setting {
 /// # Errors
 /// `NoConvergence` when the normal equations cannot be solved.
 pub(super) fn fit(spectra: &Spectra, order: usize, reach: f64, highest: f64, options: &Options) -> Result<Fit> {
-    let mut fit = Fit::begin(spectra, order, reach, highest, options);
+    let mut fit = Fit::begin(spectra, order, reach, highest, options)?;
     let most = options.iterations.max(FIRST_STEPS + 1);
     fit.iterate(spectra, most)?;
     Ok(fit)
@@ -128,7 +140,7 @@ pub(super) fn fit_and_refine(
 
 impl Fit {
     /// The unknowns and equations, and nothing known.
-    fn begin(spectra: &Spectra, order: usize, reach: f64, highest: f64, options: &Options) -> Self {
+    fn begin(spectra: &Spectra, order: usize, reach: f64, highest: f64, options: &Options) -> Result<Self> {
         let memory = order.max(1) as f64 * spectra.period();
         let knots = options.knots * order.max(1);
         let width = spectra.pumping() / knots as f64;
@@ -139,13 +151,17 @@ impl Fit {
         let cells = rows::cells(spectra, &layout);
         let measured = (0..spectra.outputs()).map(|j| measured(spectra, &cells, j)).collect();
         let (precision, outputs) = (DMatrix::zeros(0, 0), Vec::new());
-        Fit { layout, cells, a: vec![0.0; order], precision, outputs, iterations: 0, measured }
+        let scales = vec![1.0; layout.groups()];
+        let prior = posterior::prior(&layout, &scales).factor(&layout.mirror())?.log_determinant();
+        Ok(Fit { layout, cells, a: vec![0.0; order], precision, outputs, iterations: 0, measured, prior })
     }
 
-    /// Iterates until nothing moves, or `most` iterations were made.
+    /// Iterates until nothing moves, or `most` iterations were made: then the one under which the data are most probable
+    /// stands.
     fn iterate(&mut self, spectra: &Spectra, most: usize) -> Result<()> {
         let periods: Vec<usize> = spectra.records().iter().map(|r| r.periods()).collect();
         let least = self.iterations + 2;
+        let mut best: (f64, Option<State>) = (f64::NEG_INFINITY, None);
         loop {
             let first_steps = self.iterations < FIRST_STEPS;
             let settings: Vec<Setting> = if self.outputs.is_empty() {
@@ -154,18 +170,42 @@ impl Fit {
                 self.outputs.iter().map(|output| output.adapted(&self.cells, &periods, !first_steps)).collect()
             };
             let determined: f64 = self.outputs.iter().map(|o| o.determined).sum();
-            let moved = self.step(settings, if first_steps { Step::SteiglitzMcBride } else { Step::GaussNewton })?;
+            let (state, moved) =
+                self.step(settings, if first_steps { Step::SteiglitzMcBride } else { Step::GaussNewton })?;
+            let before = self.swap(state);
             self.iterations += 1;
             let now: f64 = self.outputs.iter().map(|o| o.determined).sum();
             let still = moved < STILL && (now - determined).abs() <= SETTLED * now;
-            if (still && self.iterations > FIRST_STEPS && self.iterations >= least) || self.iterations >= most {
+            if still && self.iterations > FIRST_STEPS && self.iterations >= least {
+                return Ok(());
+            }
+            let evidence = self.evidence();
+            if evidence > best.0 {
+                best = (evidence, None);
+            } else if best.1.is_none() {
+                best.1 = Some(before);
+            }
+            if self.iterations >= most {
+                if let Some(state) = best.1 {
+                    self.swap(state);
+                }
                 return Ok(());
             }
         }
     }
 
-    /// One step under given settings; returns how far the denominator moved, squared, in standard deviations.
-    fn step(&mut self, settings: Vec<Setting>, step: Step) -> Result<f64> {
+    /// Puts `state` in place of the present one, which is returned.
+    fn swap(&mut self, state: State) -> State {
+        State {
+            a: std::mem::replace(&mut self.a, state.a),
+            precision: std::mem::replace(&mut self.precision, state.precision),
+            outputs: std::mem::replace(&mut self.outputs, state.outputs),
+        }
+    }
+
+    /// One step under given settings; returns where it leads, and how far the denominator moves, squared, in standard
+    /// deviations.
+    fn step(&self, settings: Vec<Setting>, step: Step) -> Result<(State, f64)> {
         let mut posteriors = Vec::with_capacity(settings.len());
         for (j, setting) in settings.iter().enumerate() {
             let measured = &self.measured[j];
@@ -184,24 +224,64 @@ impl Fit {
         let reduced = posteriors.iter().skip(1).fold(posteriors[0].reduced.clone(), |sum, p| sum + &p.reduced);
         let (wanted, precision) = posterior::denominator_change(&reduced);
         let start = if step == Step::SteiglitzMcBride { vec![0.0; self.a.len()] } else { self.a.clone() };
-        self.a = inside(&start, &wanted);
-        let change: Vec<f64> = self.a.iter().zip(&start).map(|(new, old)| new - old).collect();
+        let full: Vec<f64> = inside(&start, &wanted).iter().zip(&start).map(|(new, old)| new - old).collect();
+        let change = match step {
+            Step::SteiglitzMcBride => full,
+            Step::GaussNewton => self.descent(&posteriors, &settings, full),
+        };
         let order = change.len();
         let moved = (0..order * order)
             .map(|i| change[i / order] * precision[(i / order, i % order)] * change[i % order])
             .sum::<f64>();
-        self.precision = precision;
+        let a: Vec<f64> = start.iter().zip(&change).map(|(a, d)| a + d).collect();
         let outputs = posteriors.into_iter().zip(settings).zip(&self.measured);
-        self.outputs =
-            outputs.map(|((posterior, setting), y)| Output::new(self, y, posterior, setting, &change)).collect();
-        Ok(moved)
+        let outputs =
+            outputs.map(|((posterior, setting), y)| Output::new(self, &a, y, posterior, setting, &change)).collect();
+        Ok((State { a, precision, outputs }, moved))
+    }
+
+    /// The share of a change of the denominator that lowers what is minimised under these settings: the linearised output
+    /// error holds for small changes, and multipliers near the unit circle make small what is small.
+    fn descent(&self, posteriors: &[Posterior], settings: &[Setting], full: Vec<f64>) -> Vec<f64> {
+        let cost = |change: &[f64]| -> f64 {
+            let a: Vec<f64> = self.a.iter().zip(change).map(|(a, d)| a + d).collect();
+            let outputs = posteriors.iter().zip(settings).zip(&self.measured);
+            outputs.map(|((posterior, setting), measured)| self.cost(&a, change, posterior, setting, measured)).sum()
+        };
+        let standing = cost(&vec![0.0; full.len()]);
+        let mut change = full;
+        for _ in 0..HALVINGS {
+            if change.is_empty() || cost(&change) <= standing {
+                return change;
+            }
+            change.iter_mut().for_each(|d| *d *= 0.5);
+        }
+        vec![0.0; change.len()]
+    }
+
+    /// What one output's fit minimises: residuals by their variances and coefficients by theirs.
+    fn cost(
+        &self,
+        a: &[f64],
+        change: &[f64],
+        posterior: &Posterior,
+        setting: &Setting,
+        measured: &[Vec<Complex>],
+    ) -> f64 {
+        let coefficients = posterior.coefficients(change);
+        let (predicted, _) = posterior::predict(&self.cells, a, &coefficients);
+        let mut cost = 0.0;
+        for (c, cell) in self.cells.iter().enumerate() {
+            for (r, row) in cell.rows.iter().enumerate() {
+                cost += 2.0 * row.share * (measured[c][r] - predicted[c][r]).norm_sqr() / setting.levels[c][r];
+            }
+        }
+        let sizes = posterior.sizes(&self.layout, &coefficients, &setting.scales);
+        cost + sizes.iter().zip(&setting.scales).map(|((size, _), scale)| size / scale).sum::<f64>()
     }
 
     /// Logarithm of the probability of the data, up to a constant of theirs: compares orders.
-    ///
-    /// # Errors
-    /// `NoConvergence`.
-    pub fn evidence(&self) -> Result<f64> {
+    pub fn evidence(&self) -> f64 {
         let half_log =
             |m: &DMatrix<f64>| m.clone().cholesky().map_or(0.0, |f| f.l().diagonal().iter().map(|d| d.ln()).sum());
         let mut evidence = if self.a.is_empty() { 0.0 } else { -half_log(&self.precision) };
@@ -214,17 +294,25 @@ impl Fit {
                 }
             }
             let sizes: f64 = output.sizes.iter().zip(&setting.scales).map(|((size, _), scale)| size / scale).sum();
-            let prior = posterior::prior(&self.layout, &setting.scales).factor(&self.layout.mirror())?;
-            evidence += 0.5 * (prior.log_determinant() - output.posterior.log_determinant - sizes);
+            let counts = self.layout.counts();
+            let prior = self.prior - counts.iter().zip(&setting.scales).map(|(n, scale)| n * scale.ln()).sum::<f64>();
+            evidence += 0.5 * (prior - output.posterior.log_determinant - sizes);
         }
-        Ok(evidence)
+        evidence
     }
 }
 
 impl Output {
-    fn new(fit: &Fit, measured: &[Vec<Complex>], posterior: Posterior, setting: Setting, change: &[f64]) -> Self {
+    fn new(
+        fit: &Fit,
+        a: &[f64],
+        measured: &[Vec<Complex>],
+        posterior: Posterior,
+        setting: Setting,
+        change: &[f64],
+    ) -> Self {
         let coefficients = posterior.coefficients(change);
-        let (predicted, doubts) = posterior::predict(&fit.cells, &fit.a, &coefficients);
+        let (predicted, doubts) = posterior::predict(&fit.cells, a, &coefficients);
         let rest = |(y, p): (&Vec<Complex>, &Vec<Complex>)| y.iter().zip(p).map(|(y, p)| (y - p).norm_sqr()).collect();
         let residuals = measured.iter().zip(&predicted).map(rest).collect();
         let power = measured.iter().map(|y| y.iter().map(Complex::norm_sqr).collect()).collect();

@@ -39,7 +39,7 @@ const WIDE: f64 = 1e5;
 const MOST: f64 = 1e5;
 const ALONE: f64 = 1e4;
 /// Conjugate gradients stop at this relative pull of the prior, or after so many passes.
-const PULL: f64 = 1e-10;
+const PULL: f64 = 1e-8;
 const PASSES: usize = 40;
 
 /// What lies beyond the last step.
@@ -74,7 +74,7 @@ pub struct Smoother<'a> {
     /// Of each row: variance of its innovation.
     variances: Vec<f64>,
     every: usize,
-    checkpoints: Vec<f64>,
+    checkpoints: Vec<Blocks>,
     closing: Option<(Blocks, Closing)>,
 }
 
@@ -123,7 +123,7 @@ impl<'a> Smoother<'a> {
             prior: [levels, slopes],
             gains: Vec::with_capacity(rows * 4 * padded(n)),
             variances: Vec::with_capacity(rows),
-            every: (3 * n).div_ceil(2),
+            every: 2 * n,
             checkpoints: Vec::new(),
             closing: None,
         };
@@ -137,11 +137,13 @@ impl<'a> Smoother<'a> {
         let mirrored = matches!(end, End::Mirror(_));
         let mut state = Blocks::diagonal(&self.prior[0], &self.prior[1]);
         let [mut h, mut level, mut slope] = [Vector::zero(n), Vector::zero(n), Vector::zero(n)];
-        self.checkpoints.reserve(Blocks::packed(n) * obs.steps().div_ceil(self.every));
+        let mut product = [Vector::zero(n), Vector::zero(n)];
+        // whether `level` and `slope` are the covariance times the next row already
+        let mut ready = false;
         for t in 0..=last {
             if t % self.every == 0 {
                 state.symmetrise();
-                state.pack(&mut self.checkpoints);
+                self.checkpoints.push(state.clone());
             }
             if t == last && mirrored {
                 break;
@@ -151,8 +153,10 @@ impl<'a> Smoother<'a> {
             let rows = obs.at(t);
             let mut pending = false;
             for r in rows.clone() {
-                h.fill(obs.row(r));
-                state.times_level(&h, &mut level, &mut slope);
+                if !std::mem::take(&mut ready) {
+                    h.fill(obs.row(r));
+                    state.times_level(&h, &mut level, &mut slope);
+                }
                 let variance = 1.0 + inner(&h.data, &level.data).re;
                 if !(variance >= 1.0 && variance.is_finite()) {
                     return Err(lost(t, variance));
@@ -169,7 +173,17 @@ impl<'a> Smoother<'a> {
             }
             if t < last {
                 level.data.iter_mut().zip(&slope.data).for_each(|(level, slope)| *level += slope);
-                state.advance(pending.then_some((&level, &slope)), noise);
+                let next = obs.at(t + 1);
+                ready = pending && !next.is_empty() && (t + 1) % self.every != 0 && !(mirrored && t + 1 == last);
+                if ready {
+                    h.fill(obs.row(next.start));
+                    let [next_level, next_slope] = &mut product;
+                    state.advance_times_level([&level, &slope], noise, &h, [&mut *next_level, &mut *next_slope]);
+                    std::mem::swap(&mut level, next_level);
+                    std::mem::swap(&mut slope, next_slope);
+                } else {
+                    state.advance(pending.then_some((&level, &slope)), noise);
+                }
             }
         }
         if let End::Mirror(mirror) = end {
@@ -185,29 +199,22 @@ impl<'a> Smoother<'a> {
         self.gains[2 * r * width..2 * (r + 1) * width].split_at(width)
     }
 
-    fn checkpoint(&self, index: usize) -> Blocks {
-        let size = Blocks::packed(self.observations.n);
-        Blocks::unpack(self.observations.n, &self.checkpoints[index * size..(index + 1) * size])
-    }
-
     /// Steps with gains: all, or all but the mirror's.
     fn open_steps(&self) -> usize {
         self.observations.steps() - usize::from(self.closing.is_some())
     }
 
-    /// Innovations of all rows from this prior mean; calls `seen` with the predicted state at each step.
-    fn innovations(
-        &self,
-        y: impl Fn(usize) -> Complex,
-        mean: &[Vector; 2],
-        innovations: &mut Vec<Complex>,
-        mut seen: impl FnMut(usize, &[Vector; 2]),
-    ) -> [Vector; 2] {
+    /// The forward pass over these data from this prior mean.
+    fn innovations(&self, y: impl Fn(usize) -> Complex, mean: &[Vector; 2]) -> Forward {
+        let open = self.open_steps();
         let mut state = mean.clone();
-        innovations.clear();
+        let mut innovations = Vec::with_capacity(self.observations.rows());
+        let mut predicted = Vec::with_capacity(open.div_ceil(self.every));
         Arch::new().dispatch(|| {
-            for t in 0..self.open_steps() {
-                seen(t, &state);
+            for t in 0..open {
+                if t % self.every == 0 {
+                    predicted.push(state.clone());
+                }
                 let [level, slope] = &mut state;
                 for r in self.observations.at(t) {
                     let innovation = y(r) - inner(self.observations.row(r), &level.data);
@@ -221,7 +228,7 @@ impl<'a> Smoother<'a> {
                 }
             }
         });
-        state
+        Forward { innovations, predicted, state }
     }
 
     /// Backward from `pull` at the end; innovations become residuals; calls `seen` with each step's pull and the slope's pull
@@ -265,16 +272,16 @@ impl<'a> Smoother<'a> {
         }
     }
 
-    /// What the prior pulls when its mean is `mean`.
-    fn prior_pull(&self, y: impl Fn(usize) -> Complex, mean: &[Vector; 2], work: &mut Vec<Complex>) -> [Vector; 2] {
-        let state = self.innovations(&y, mean, work, |_, _| ());
-        self.backward(self.end_pull(&state, y), work, |_, _, _| ())
+    /// The forward pass from this prior mean, and what the prior pulls then.
+    fn prior_pull(&self, y: impl Fn(usize) -> Complex, mean: &[Vector; 2]) -> (Forward, [Vector; 2]) {
+        let forward = self.innovations(&y, mean);
+        let pull = self.backward(self.end_pull(&forward.state, y), &mut forward.innovations.clone(), |_, _, _| ());
+        (forward, pull)
     }
 
-    /// The mean at which the prior no longer pulls, by conjugate gradients, and the passes spent.
-    fn diffuse_mean(&self, y: &[Complex], work: &mut Vec<Complex>) -> ([Vector; 2], usize) {
+    /// The forward pass from the mean at which the prior no longer pulls, by conjugate gradients, and the passes spent.
+    fn diffuse(&self, y: &[Complex]) -> (Forward, usize) {
         let n = self.observations.n;
-        let mut mean = [Vector::zero(n), Vector::zero(n)];
         let weigh = |r: &[Vector; 2]| {
             let mut out = r.clone();
             for (v, prior) in out.iter_mut().zip(&self.prior) {
@@ -284,24 +291,22 @@ impl<'a> Smoother<'a> {
         };
         let dot =
             |a: &[Vector; 2], b: &[Vector; 2]| inner(&a[0].data, &b[0].data).re + inner(&a[1].data, &b[1].data).re;
-        let mut rest = self.prior_pull(|r| y[r], &mean, work);
+        let (mut forward, mut rest) = self.prior_pull(|r| y[r], &[Vector::zero(n), Vector::zero(n)]);
         let mut direction = weigh(&rest);
         let mut size = dot(&rest, &direction);
         let goal = size * PULL * PULL;
         let mut passes = 1;
         while size > goal && passes < PASSES {
             passes += 1;
-            // the pull is affine in the mean: minus its linear part is the curvature
-            let curved = self.prior_pull(|_| Complex::new(0.0, 0.0), &direction, work);
+            // all is affine in the mean: minus the linear part of the pull is the curvature
+            let (moved, curved) = self.prior_pull(|_| Complex::new(0.0, 0.0), &direction);
             let along = -dot(&direction, &curved);
             if along <= 0.0 || along.is_nan() {
                 break;
             }
             let step = Complex::new(size / along, 0.0);
-            for half in 0..2 {
-                add(&mut mean[half].data, step, &direction[half].data);
-                add(&mut rest[half].data, step, &curved[half].data);
-            }
+            forward.add(step, &moved);
+            rest.iter_mut().zip(&curved).for_each(|(rest, curved)| add(&mut rest.data, step, &curved.data));
             let weighed = weigh(&rest);
             let next = dot(&rest, &weighed);
             let turn = Complex::new(next / size, 0.0);
@@ -311,7 +316,7 @@ impl<'a> Smoother<'a> {
             }
             size = next;
         }
-        (mean, passes)
+        (forward, passes)
     }
 
     /// The minimiser for these data (rows).
@@ -324,20 +329,7 @@ impl<'a> Smoother<'a> {
             return Err(Error::Shape { what: "data of the smoother".into(), expected: obs.rows(), found: y.len() });
         }
         let (n, steps, open) = (obs.n, obs.steps(), self.open_steps());
-        let mut work = Vec::with_capacity(obs.rows());
-        let (mean, passes) = self.diffuse_mean(y, &mut work);
-
-        let mut predicted = Vec::new();
-        let state = self.innovations(
-            |r| y[r],
-            &mean,
-            &mut work,
-            |t, state| {
-                if t % self.every == 0 {
-                    predicted.push(state.clone());
-                }
-            },
-        );
+        let (Forward { innovations: mut work, predicted, state }, passes) = self.diffuse(y);
         let pull = self.end_pull(&state, |r| y[r]);
         let mut values = vec![Complex::new(0.0, 0.0); steps * n];
         let width = 2 * padded(n);
@@ -353,7 +345,7 @@ impl<'a> Smoother<'a> {
                 return;
             }
             let index = t / self.every;
-            let [mut level, mut slope] = moved(&self.checkpoint(index), &predicted[index], pull);
+            let [mut level, mut slope] = moved(&self.checkpoints[index], &predicted[index], pull);
             for (step, ahead) in ahead.chunks_exact(width).enumerate().take(open - t) {
                 (0..n).for_each(|i| values[(t + step) * n + i] = level.get(i));
                 add(&mut level.data, Complex::new(1.0, 0.0), &slope.data);
@@ -381,7 +373,27 @@ impl<'a> Smoother<'a> {
 
     /// Bytes held between passes.
     pub fn bytes(&self) -> usize {
-        8 * (self.gains.capacity() + self.variances.capacity() + self.checkpoints.capacity())
+        let checkpoints: usize = self.checkpoints.iter().map(Blocks::bytes).sum();
+        8 * (self.gains.capacity() + self.variances.capacity()) + checkpoints
+    }
+}
+
+/// What a forward pass over vectors gives: affine in the data and in the prior mean.
+struct Forward {
+    /// Of each row with a gain.
+    innovations: Vec<Complex>,
+    /// Level and slope before the rows of each checkpoint.
+    predicted: Vec<[Vector; 2]>,
+    /// Level and slope at the end.
+    state: [Vector; 2],
+}
+
+impl Forward {
+    /// `self += factor other`.
+    fn add(&mut self, factor: Complex, other: &Self) {
+        self.innovations.iter_mut().zip(&other.innovations).for_each(|(a, b)| *a += factor * b);
+        let pairs = self.predicted.iter_mut().zip(&other.predicted).chain([(&mut self.state, &other.state)]);
+        pairs.for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| add(&mut a.data, factor, &b.data)));
     }
 }
 

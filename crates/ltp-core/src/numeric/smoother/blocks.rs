@@ -86,6 +86,14 @@ impl Aligned {
     }
 }
 
+impl Clone for Aligned {
+    fn clone(&self) -> Self {
+        let mut copy = Self::zeros(self.len());
+        copy.copy_from_slice(self);
+        copy
+    }
+}
+
 impl std::ops::Deref for Aligned {
     type Target = [f64];
 
@@ -104,6 +112,7 @@ impl std::ops::DerefMut for Aligned {
 }
 
 /// The matrix: block row `i` holds row `i` of each block.
+#[derive(Clone)]
 pub(super) struct Blocks {
     n: usize,
     stride: usize,
@@ -169,25 +178,33 @@ impl Blocks {
 
     /// `M -= g g^H` with `g` = (`level`, `slope`).
     pub(super) fn subtract(&mut self, level: &Vector, slope: &Vector) {
-        Arch::new().dispatch(Advance::<false, true> {
-            blocks: self,
-            level: &level.data,
-            slope: &slope.data,
-            noise: 0.0,
-        });
+        let (level, slope) = (&level.data, &slope.data);
+        Arch::new().dispatch(Advance::<false, true> { blocks: self, level, slope, noise: 0.0 });
     }
 
     /// One step of the walk, `M <- T M T^H + diag(0, noise)` with `T`: level += slope; then `M -= g g^H` if there is a `g`.
     pub(super) fn advance(&mut self, g: Option<(&Vector, &Vector)>, noise: f64) {
         match g {
-            Some((level, slope)) => Arch::new().dispatch(Advance::<true, true> {
-                blocks: self,
-                level: &level.data,
-                slope: &slope.data,
-                noise,
-            }),
+            Some((level, slope)) => {
+                let (level, slope) = (&level.data, &slope.data);
+                Arch::new().dispatch(Advance::<true, true> { blocks: self, level, slope, noise })
+            }
             None => Arch::new().dispatch(Advance::<true, false> { blocks: self, level: &[], slope: &[], noise }),
         }
+    }
+
+    /// [`Self::advance`] by `g`, and halves of the product with `(u, 0)` as by [`Self::times_level`], in one pass over the
+    /// matrix: it is as large as the first cache.
+    pub(super) fn advance_times_level(
+        &mut self,
+        g: [&Vector; 2],
+        noise: f64,
+        u: &Vector,
+        [level, slope]: [&mut Vector; 2],
+    ) {
+        let g = g.map(|half| &half.data[..]);
+        let product = [&mut level.data[..], &mut slope.data[..]];
+        Arch::new().dispatch(AdvanceTimes { blocks: self, g, noise, u: &u.data, product });
     }
 
     /// The adjoint step, `M <- T^H M T`.
@@ -218,38 +235,9 @@ impl Blocks {
         }
     }
 
-    /// Upper triangle of the two diagonal blocks and the whole of the one between, to be given back to [`Self::unpack`].
-    pub(super) fn pack(&self, store: &mut Vec<f64>) {
-        let mut push = |v: Complex| store.extend([v.re, v.im]);
-        for i in 0..self.n {
-            (i..self.n).for_each(|j| push(self.get((0, i), (0, j))));
-            (0..self.n).for_each(|j| push(self.get((0, i), (1, j))));
-            (i..self.n).for_each(|j| push(self.get((1, i), (1, j))));
-        }
-    }
-
-    /// Numbers that [`Self::pack`] stores.
-    pub(super) fn packed(n: usize) -> usize {
-        2 * (n * (n + 1) + n * n)
-    }
-
-    /// The matrix that was packed.
-    pub(super) fn unpack(n: usize, store: &[f64]) -> Self {
-        let mut blocks = Self::zero(n);
-        let mut values = store.chunks_exact(2).map(|v| Complex::new(v[0], v[1]));
-        let mut put = |p, q| {
-            let value = values.next().unwrap_or_default();
-            blocks.set(p, q, value);
-            if p != q {
-                blocks.set(q, p, value.conj());
-            }
-        };
-        for i in 0..n {
-            (i..n).for_each(|j| put((0, i), (0, j)));
-            (0..n).for_each(|j| put((0, i), (1, j)));
-            (i..n).for_each(|j| put((1, i), (1, j)));
-        }
-        blocks
+    /// Bytes held.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&*self.data)
     }
 }
 
@@ -297,6 +285,30 @@ impl WithSimd for Times<'_> {
     }
 }
 
+/// What a chunk of eight planes of a row is after a step of the walk: `level += slope` on both sides.
+#[inline(always)]
+fn stepped<S: Simd>(simd: S, m: &mut [S::f64s; PLANES]) {
+    for part in 0..2 {
+        let (a, b, t, d) = (m[part], m[2 + part], m[4 + part], m[6 + part]);
+        m[part] = simd.add_f64s(simd.add_f64s(a, b), simd.add_f64s(t, d));
+        m[2 + part] = simd.add_f64s(b, d);
+        m[4 + part] = simd.add_f64s(t, d);
+    }
+}
+
+/// Takes a chunk of `g g^H` from a chunk of eight planes of a row: `g` at the row and at the chunk's columns, as level and
+/// slope, real and imaginary parts.
+#[inline(always)]
+fn corrected<S: Simd>(simd: S, m: &mut [S::f64s; PLANES], row: [S::f64s; 4], columns: [S::f64s; 4]) {
+    for (half, other) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+        let p = 4 * half + 2 * other;
+        let (gr, gi) = (row[2 * half], row[2 * half + 1]);
+        let (vr, vi) = (columns[2 * other], columns[2 * other + 1]);
+        m[p] = simd.negate_mul_add_e_f64s(gi, vi, simd.negate_mul_add_e_f64s(gr, vr, m[p]));
+        m[p + 1] = simd.mul_add_e_f64s(gr, vi, simd.negate_mul_add_e_f64s(gi, vr, m[p + 1]));
+    }
+}
+
 /// One step of the walk (if `STEP`), one rank-one correction (if `CORRECT`), in one pass over the matrix.
 struct Advance<'a, const STEP: bool, const CORRECT: bool> {
     blocks: &'a mut Blocks,
@@ -311,36 +323,72 @@ impl<const STEP: bool, const CORRECT: bool> WithSimd for Advance<'_, STEP, CORRE
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let (n, stride) = (self.blocks.n, self.blocks.stride);
+        let zero = simd.splat_f64s(0.0);
         for (i, row) in self.blocks.data.chunks_exact_mut(PLANES * stride).enumerate().take(n) {
-            let splat = |v: &[f64], at: usize| simd.splat_f64s(if CORRECT { v[at] } else { 0.0 });
-            let (lr, li) = (splat(self.level, i), splat(self.level, stride + i));
-            let (sr, si) = (splat(self.slope, i), splat(self.slope, stride + i));
+            let g = if CORRECT { splats(simd, self.level, self.slope, i) } else { [zero; 4] };
             for c in (0..stride).step_by(S::F64_LANES) {
                 let mut m: [S::f64s; PLANES] = std::array::from_fn(|p| load::<S>(row, p * stride + c));
                 if STEP {
-                    for part in 0..2 {
-                        let (a, b, t, d) = (m[part], m[2 + part], m[4 + part], m[6 + part]);
-                        m[part] = simd.add_f64s(simd.add_f64s(a, b), simd.add_f64s(t, d));
-                        m[2 + part] = simd.add_f64s(b, d);
-                        m[4 + part] = simd.add_f64s(t, d);
-                    }
+                    stepped(simd, &mut m);
                 }
                 if CORRECT {
-                    let (xr, xi) = (load::<S>(self.level, c), load::<S>(self.level, stride + c));
-                    let (yr, yi) = (load::<S>(self.slope, c), load::<S>(self.slope, stride + c));
-                    let mut take = |p: usize, (gr, gi): (S::f64s, S::f64s), (vr, vi): (S::f64s, S::f64s)| {
-                        m[p] = simd.negate_mul_add_e_f64s(gi, vi, simd.negate_mul_add_e_f64s(gr, vr, m[p]));
-                        m[p + 1] = simd.mul_add_e_f64s(gr, vi, simd.negate_mul_add_e_f64s(gi, vr, m[p + 1]));
-                    };
-                    take(0, (lr, li), (xr, xi));
-                    take(2, (lr, li), (yr, yi));
-                    take(4, (sr, si), (xr, xi));
-                    take(6, (sr, si), (yr, yi));
+                    corrected(simd, &mut m, g, chunks::<S>(self.level, self.slope, c));
                 }
                 for (p, value) in m.into_iter().enumerate() {
                     store::<S>(row, p * stride + c, value);
                 }
             }
+            row[6 * stride + i] += self.noise;
+        }
+    }
+}
+
+/// One step of the walk with a rank-one correction, and the product with `(u, 0)`.
+struct AdvanceTimes<'a> {
+    blocks: &'a mut Blocks,
+    g: [&'a [f64]; 2],
+    noise: f64,
+    u: &'a [f64],
+    product: [&'a mut [f64]; 2],
+}
+
+impl WithSimd for AdvanceTimes<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let (n, stride) = (self.blocks.n, self.blocks.stride);
+        let zero = simd.splat_f64s(0.0);
+        let (ur, ui) = self.u.split_at(stride);
+        let ([level, slope], mut product) = (self.g, self.product);
+        for c in (0..stride).step_by(S::F64_LANES) {
+            let columns = chunks::<S>(level, slope, c);
+            // products of real and imaginary parts apart, as in `Times`
+            let mut sums = [zero; 8];
+            for (i, row) in self.blocks.data.chunks_exact_mut(PLANES * stride).enumerate().take(n) {
+                let mut m: [S::f64s; PLANES] = std::array::from_fn(|p| load::<S>(row, p * stride + c));
+                stepped(simd, &mut m);
+                corrected(simd, &mut m, splats(simd, level, slope, i), columns);
+                let (re, im) = (simd.splat_f64s(ur[i]), simd.splat_f64s(ui[i]));
+                for half in 0..2 {
+                    let (a, b) = (m[2 * half], m[2 * half + 1]);
+                    let s = &mut sums[4 * half..4 * half + 4];
+                    s[0] = simd.mul_add_e_f64s(re, a, s[0]);
+                    s[1] = simd.mul_add_e_f64s(im, b, s[1]);
+                    s[2] = simd.mul_add_e_f64s(im, a, s[2]);
+                    s[3] = simd.mul_add_e_f64s(re, b, s[3]);
+                }
+                for (p, value) in m.into_iter().enumerate() {
+                    store::<S>(row, p * stride + c, value);
+                }
+            }
+            for (half, out) in product.iter_mut().enumerate() {
+                let s = &sums[4 * half..4 * half + 4];
+                store::<S>(out, c, simd.add_f64s(s[0], s[1]));
+                store::<S>(out, stride + c, simd.sub_f64s(s[2], s[3]));
+            }
+        }
+        for (i, row) in self.blocks.data.chunks_exact_mut(PLANES * stride).enumerate().take(n) {
             row[6 * stride + i] += self.noise;
         }
     }
@@ -408,6 +456,20 @@ fn take<S: Simd>(
     let (re, im) = (load::<S>(row, at), load::<S>(row, at + stride));
     store::<S>(row, at, simd.negate_mul_add_e_f64s(x.1, vi, simd.negate_mul_add_e_f64s(x.0, vr, re)));
     store::<S>(row, at + stride, simd.mul_add_e_f64s(x.0, vi, simd.negate_mul_add_e_f64s(x.1, vr, im)));
+}
+
+/// Number `i` of two vectors, real and imaginary parts, in all lanes.
+#[inline(always)]
+fn splats<S: Simd>(simd: S, level: &[f64], slope: &[f64], i: usize) -> [S::f64s; 4] {
+    let stride = level.len() / 2;
+    [level[i], level[stride + i], slope[i], slope[stride + i]].map(|v| simd.splat_f64s(v))
+}
+
+/// Numbers from `c` on of two vectors, real and imaginary parts.
+#[inline(always)]
+fn chunks<S: Simd>(level: &[f64], slope: &[f64], c: usize) -> [S::f64s; 4] {
+    let stride = level.len() / 2;
+    [load::<S>(level, c), load::<S>(level, stride + c), load::<S>(slope, c), load::<S>(slope, stride + c)]
 }
 
 #[inline(always)]

@@ -55,7 +55,7 @@ impl Smoother<'_> {
             if t % self.every == 0 {
                 information.symmetrise();
                 steps.push(t);
-                variances.push(smoothed(n, &self.checkpoint(t / self.every), &information));
+                variances.push(smoothed(n, &self.checkpoints[t / self.every], &information));
             }
         }
         steps.reverse();

@@ -99,6 +99,7 @@ def _section(index: int, chapter: Chapter, drawn: list[str]) -> str:
         f'<section aria-labelledby="c{index}">\n<h2 id="c{index}">{escape(chapter.title)}</h2>',
         paragraph(chapter.sentence),
         table([cell or "figure" for cell in HEAD], rows),
+        *(f"<h3>{escape(each.title)}</h3>\n" + table(each.head, each.cells) for each in chapter.tables),
         *drawn,
         *(paragraph(note) for note in chapter.notes),
         f'<p class="facts">{chapter.seconds:.1f} s</p>\n</section>',

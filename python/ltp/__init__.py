@@ -24,6 +24,7 @@ from ltp.diagnose import (
     ParameterChange,
     diagnose,
 )
+from ltp.feedforward import Reference, feedforward
 from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
 from ltp.linearize import Jump, LtpSystem, linearize
@@ -74,6 +75,7 @@ __all__ = [
     "Phase",
     "Ratio",
     "Recording",
+    "Reference",
     "Rest",
     "SectionMap",
     "StepResponse",
@@ -82,6 +84,7 @@ __all__ = [
     "cycle",
     "cycle_average",
     "diagnose",
+    "feedforward",
     "identify",
     "identify_arx",
     "identify_map",

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from ltp import _ltp
 from ltp._ltp import InputError
 from ltp.cycle import LimitCycle
+from ltp.feedforward import Reference
 from ltp.htf import Htf
 from ltp.model import Model
 
@@ -103,16 +104,25 @@ class LtpSystem:
 
 
 def linearize(
-    model: Model, cycle: LimitCycle, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
+    model: Model,
+    cycle: LimitCycle | Reference,
+    *,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
 ) -> LtpSystem:
-    """The linear time-periodic system of `model` around `cycle`, through its events.
+    """The linear time-periodic system of `model` around `cycle`, through its events; or along a `Reference`.
+
+    A reference need not be an orbit: what it lacks is a forcing, which the matrices do not see.
 
     inputs, outputs: names of those to keep, in this order; all by default.
 
     Raises `InputError` for a name that is not there or an orbit of another model, `ConvergenceError` where the orbit is
     not resolved.
     """
-    core = _ltp.linearize(model._core, cycle._core)
+    if isinstance(cycle, Reference):
+        core = _ltp.linearize_along(model._core, cycle._core)
+    else:
+        core = _ltp.linearize(model._core, cycle._core)
     chosen_inputs = _chosen("input", inputs, model.inputs, model)
     chosen_outputs = _chosen("output", outputs, model.outputs, model)
     if inputs is not None or outputs is not None:

@@ -8,6 +8,7 @@ pub mod conceal;
 pub mod cycle;
 pub mod diagnose;
 pub mod error;
+pub mod feedforward;
 pub mod identify;
 pub mod linearize;
 pub mod model;

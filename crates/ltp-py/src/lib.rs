@@ -13,6 +13,7 @@ mod cycle;
 mod diagnose;
 mod door;
 mod error;
+mod feedforward;
 mod htf;
 mod identify;
 mod interrupt;
@@ -40,13 +41,15 @@ mod _ltp {
     #[pymodule_export]
     use crate::error::{ConvergenceError, InputError};
     #[pymodule_export]
+    use crate::feedforward::{Reference, feedforward};
+    #[pymodule_export]
     use crate::htf::Htf;
     #[pymodule_export]
     use crate::identify::{identify, rests};
     #[pymodule_export]
     use crate::kernels::{NormalBand, smooth};
     #[pymodule_export]
-    use crate::linearize::{LtpSystem, linearize};
+    use crate::linearize::{LtpSystem, linearize, linearize_along};
     #[pymodule_export]
     use crate::model::{Model, effect_names, effect_text, unit_factor, zoo_names, zoo_text};
     #[pymodule_export]

@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use crate::cycle::LimitCycle;
+use crate::feedforward::Reference;
 use crate::htf::Htf;
 use crate::interrupt::Interruptible;
 use crate::model::Model;
@@ -29,6 +30,18 @@ pub fn linearize(py: Python<'_>, model: &Model, cycle: &LimitCycle) -> PyResult<
     let core = door::long(py, None, move |outside| {
         let parameters = system.parameters().to_vec();
         core::linearize(&Interruptible::new(system, outside.interrupted), &parameters, &orbit)
+    })?;
+    Ok(LtpSystem { core: Arc::new(core) })
+}
+
+/// The linear time-periodic system of a model along a reference that need not be an orbit, in its starting mode.
+#[pyfunction]
+pub fn linearize_along(py: Python<'_>, model: &Model, reference: &Reference) -> PyResult<LtpSystem> {
+    let (system, reference) = (model.compiled(py)?, reference.core().clone());
+    let core = door::long(py, None, move |outside| {
+        let (parameters, mode) = (system.parameters().to_vec(), system.initial_mode());
+        let system = Interruptible::new(system, outside.interrupted);
+        core::along(&system, &parameters, mode, &reference.states, &reference.inputs)
     })?;
     Ok(LtpSystem { core: Arc::new(core) })
 }

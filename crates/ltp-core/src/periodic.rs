@@ -5,6 +5,7 @@
 //! periodic steady state ([`LtpSystem::htf`]), exact also through jumps, and the harmonic state space
 //! ([`LtpSystem::lifted_htf`]) of smooth systems, truncated.
 
+mod closed;
 mod exact;
 mod harmonic;
 pub mod htf;
@@ -12,6 +13,7 @@ mod predict;
 mod propagate;
 mod select;
 mod simulate;
+mod smooth;
 pub mod system;
 
 pub use htf::Htf;

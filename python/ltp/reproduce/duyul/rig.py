@@ -66,7 +66,8 @@ class Rig:
     def along(self, equation: str, sines: Mapping[str, Sine]) -> ltp.Reference:
         """A reference of sines for the model of an equation, whether or not it is an orbit."""
         values = {name: (sine.amplitude, sine.phase, sine.offset) for name, sine in sines.items()}
-        return ltp.Reference.sinusoids(self.model(equation), PRESCRIBED[equation].omega, values)
+        inputs = {"V": values.pop("V")}
+        return ltp.Reference.sinusoids(self.model(equation), PRESCRIBED[equation].omega, values, inputs=inputs)
 
     @lru_cache(maxsize=None)  # noqa: B019
     def orbit(self, equation: str, amplitude: float | None = None) -> ltp.Reference:

@@ -185,3 +185,10 @@ class Constants:
         theta, rate, pull = (pendulum.at(t, order) for order in range(3))
         force = self.mass * cart.at(t, 2) + self.coupling * (np.cos(theta) * pull - np.sin(theta) * rate**2)
         return (force + self.damping * cart.at(t, 1)) / self.per_volt
+
+    def unbalanced(self, t: Array, cart: Sine, pendulum: Sine) -> float:
+        """The torque that (3.2) leaves along a reference, rms, relative to that of the pendulum's inertia."""
+        theta, rate, pull = (pendulum.at(t, order) for order in range(3))
+        torque = self.coupling * np.cos(theta) * cart.at(t, 2) + self.inertia * pull + self.weight * np.sin(theta)
+        left = torque + self.friction * rate + self.spring * (theta - math.pi)
+        return float(np.sqrt(np.mean(left**2) / np.mean((self.inertia * pull) ** 2)))

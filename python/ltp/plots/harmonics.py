@@ -48,8 +48,10 @@ def harmonics(
         hide_spines(axes, "left", "bottom")
         axes.tick_params(axis="x", length=0)
     decade_ticks(grid[0][0], least, 3 * most)
-    for axes in grid[-1]:
-        axes.set_xlabel("harmonic")
+    for number, axes in enumerate(grid.ravel()[: len(entries)]):
+        if number + columns >= len(entries):
+            axes.set_xlabel("harmonic")
+            axes.tick_params(axis="x", labelbottom=True)
     for across in grid:
         across[0].set_ylabel("amplitude")
     shared_legend(figure, grid.ravel()[: len(entries)])

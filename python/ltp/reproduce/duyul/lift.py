@@ -78,14 +78,14 @@ def _halves(rig: Rig) -> list[Row]:
     system = rig.system("4.5")
     lift = system.lift(TRUNCATION)
     nx = lift.shape[0] // (2 * TRUNCATION + 1)
-    parts = [
-        np.concatenate([np.arange(nx) + nx * block for block in blocks]) for blocks in ((0, 2, 4), (1, 3))
-    ]
+    parts = [np.concatenate([np.arange(nx) + nx * block for block in blocks]) for blocks in ((0, 2, 4), (1, 3))]
     halves = np.concatenate([np.linalg.eigvals(lift[np.ix_(part, part)]) for part in parts])
     whole = np.linalg.eigvals(lift)
     short = np.linalg.eigvals(system.shortened().lift(1))
     return [
-        Row("eigenvalues of order 20 against those of orders 12 and 8 together", apart(whole, halves), "1/s", high=1e-10),
+        Row(
+            "eigenvalues of order 20 against those of orders 12 and 8 together", apart(whole, halves), "1/s", high=1e-10
+        ),
         Row(
             "  order 12 against twice the pumping frequency, one harmonic",
             apart(np.linalg.eigvals(lift[np.ix_(parts[0], parts[0])]), short),
@@ -151,7 +151,9 @@ def _pictures(rig: Rig) -> list[Picture]:
         )
 
     def down() -> Figure:
-        return eigenvalues([plane("4.1", None, "open loop (figure 4.1)"), plane("4.1", "fig 4.3", "closed (figure 4.6)")])
+        return eigenvalues(
+            [plane("4.1", None, "open loop (figure 4.1)"), plane("4.1", "fig 4.3", "closed (figure 4.6)")]
+        )
 
     def up() -> Figure:
         return eigenvalues(

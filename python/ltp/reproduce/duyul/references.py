@@ -17,6 +17,7 @@ from ltp.reproduce.result import Chapter, Picture, Row, Table
 ACCURATE = {"4.1": (-0.24716, 0.68050), "4.2": (-0.37072, 1.44844), "4.3": (-0.33862, 0.66859)}
 TITLES = {"4.1": "(3.8)", "4.2": "(4.2)", "4.3": "(4.3)"}
 FINE = 5e-6
+TWICE = np.array([1.0] + 8 * [2.0])  # amplitudes from lines of a Fourier transform, harmonics 0 to 8
 
 
 def chapter(rig: Rig) -> Chapter:
@@ -49,13 +50,11 @@ def chapter(rig: Rig) -> Chapter:
             ("amplitude", "phase"), (true.amplitude, true.phase), ACCURATE[equation], strict=True
         ):
             rows.append(
-                Row(
-                    f"  {name} on the true orbit", ours, "rad", low=accurate - FINE, high=accurate + FINE, digits=6
-                )
+                Row(f"  {name} on the true orbit", ours, "rad", low=accurate - FINE, high=accurate + FINE, digits=6)
             )
     rows += _wrong(rig)
     for equation, share in (("4.1", 0.5), ("4.5", 6.5)):
-        cart, pendulum = rig.printed(equation)
+        cart, pendulum = (PRINTED_X_UP if equation == "4.5" else PRESCRIBED["4.1"]), rig.printed(equation)[1]
         t = np.arange(256) / 256 * (math.tau / cart.omega)
         left = 100 * rig.constants(equation).unbalanced(t, cart, pendulum)
         words = f"({equation}): torque that (3.2) leaves over that of inertia"
@@ -150,7 +149,7 @@ def _pictures(rig: Rig) -> list[Picture]:
             a, b = np.array([system.A(s) for s in t]), np.array([system.B(s) for s in t])
             entries = {f"a{r + 1}{c + 1}": a[:, r, c] for r in (2, 3) for c in (1, 2, 3)}
             entries |= {"b3": b[:, 2, 0], "b4": b[:, 3, 0]}
-            sets[words] = {name: np.fft.rfft(v)[:9] / len(t) * 2 for name, v in entries.items()}
+            sets[words] = {name: np.fft.rfft(v)[:9] / len(t) * TWICE for name, v in entries.items()}
         return harmonics(sets)
 
     return [

@@ -88,6 +88,17 @@ class Rig:
         along = self.orbit(equation, amplitude) if true else self.reference(equation)
         return ltp.linearize(self.model(equation), along)
 
+    @lru_cache(maxsize=None)  # noqa: B019
+    def certificate(self, equation: str, words: str) -> ltp.Certificate:
+        """What every witness says of a printed gain around the printed reference."""
+        return ltp.certify(
+            self.model(equation),
+            self.reference(equation),
+            gain(words),
+            deviations=[self.starts["up" if equation == "4.5" else "down"]],
+            truncation=TRUNCATION,
+        )
+
     @cached_property
     def starts(self) -> dict[str, dict[str, float]]:
         """Deviations from the reference that the thesis starts from, by state."""

@@ -47,7 +47,7 @@ pub fn feedforward(
         let states = names(model);
         let wanted = named(sinusoid).series(omega)?;
         let start = match (&start, start_from) {
-            (Some(given), _) => Some(at_rest(&system, &states, given, wanted.period())?),
+            (Some(given), _) => Some(at_rest(&*system, &states, given, wanted.period())?),
             (None, from) => from.map(|reference| reference.core.states.clone()),
         };
         let input = number("input", input, &model.core().inputs())?;

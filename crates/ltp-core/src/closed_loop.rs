@@ -7,6 +7,7 @@
 pub mod certify;
 pub mod close;
 pub mod cost;
+mod exponents;
 mod orbit;
 mod run;
 mod spread;

@@ -7,7 +7,8 @@
 use rayon::prelude::*;
 
 use super::close::{check, close};
-use super::orbit::{Orbit, exponents, slowest};
+use super::exponents::{exponents, slowest};
+use super::orbit::Orbit;
 use super::run::{Loop, Run};
 use super::spread::Spread;
 use super::verdict::Verdict;
@@ -123,7 +124,7 @@ pub fn certify(model: &Model, reference: &Reference, gain: &FourierSeries, optio
     let p = system.parameters().to_vec();
     let open = along(&plant, &p, plant.initial_mode(), &reference.states, &reference.inputs)?;
     let closed = linear(&system, reference)?;
-    let exact = exponents(closed.multipliers(), period);
+    let exact = exponents(&closed)?;
     let lifted = [options.truncation, 2 * options.truncation];
     let lifted = lifted.into_iter().map(|n| lift(&closed, n, &exact)).collect::<Result<Vec<_>>>()?;
     let start = reference.states.value(0.0);
@@ -145,7 +146,7 @@ pub fn certify(model: &Model, reference: &Reference, gain: &FourierSeries, optio
     let spread = (!options.spread.is_empty()).then(|| Spread::of(&system, &p, reference, &near, &options.spread));
     let mut out = Certificate {
         defect: reference.defect.clone(),
-        open: exponents(open.multipliers(), period),
+        open: exponents(&open)?,
         exponents: exact,
         lifted,
         orbit,

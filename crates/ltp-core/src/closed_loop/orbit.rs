@@ -1,9 +1,11 @@
 //! The periodic orbit that a closed loop really has, near the reference it was given.
 
+use super::exponents::{exponents, of_multipliers, slowest};
 use super::run::shares;
 use crate::cycle::{self, cycle};
 use crate::error::Result;
 use crate::feedforward::Reference;
+use crate::linearize::along;
 use crate::model::System;
 use crate::numeric::{Complex, fourier_series::FourierSeries};
 
@@ -48,24 +50,17 @@ impl Orbit {
                 error[r] = error[r].max((x[r] - wanted[r]).abs() / amplitudes[r]);
             }
         }
-        Ok(Self { states, exponents: exponents(&found.multipliers, found.period), error })
+        let exponents = if found.events.is_empty() {
+            let rest = FourierSeries::constant(reference.period(), &vec![0.0; system.inputs().max(1)])?;
+            exponents(&along(system, p, found.mode, &states, &rest)?)?
+        } else {
+            of_multipliers(&found.multipliers, found.period)
+        };
+        Ok(Self { states, exponents, error })
     }
 
     /// Largest real part, 1/s.
     pub fn slowest(&self) -> f64 {
         slowest(&self.exponents)
     }
-}
-
-/// Floquet exponents of multipliers, largest real part first, imaginary parts within half the pumping frequency.
-pub(super) fn exponents(multipliers: &[Complex], period: f64) -> Vec<Complex> {
-    let exponent = |m: &Complex| Complex::new(m.norm().max(f64::MIN_POSITIVE).ln(), m.arg()) / period;
-    let mut all: Vec<Complex> = multipliers.iter().map(exponent).collect();
-    all.sort_by(|a, b| b.re.total_cmp(&a.re).then(b.im.total_cmp(&a.im)));
-    all
-}
-
-/// Largest real part.
-pub(super) fn slowest(values: &[Complex]) -> f64 {
-    values.iter().fold(f64::NEG_INFINITY, |m, v| m.max(v.re))
 }

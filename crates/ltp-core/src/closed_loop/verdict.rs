@@ -3,7 +3,8 @@
 use std::fmt;
 
 use super::certify::Certificate;
-use super::orbit::{Orbit, slowest};
+use super::exponents::slowest;
+use super::orbit::Orbit;
 use crate::model::Model;
 
 /// Defect of a reference beyond which it is no orbit.

@@ -3,6 +3,7 @@
 //! `J = sum_i w_i sqrt(int (z_i - z_ref,i)^2 dt) + s sum_i w'_i sqrt(int_steady (z_i - z_ref,i)^2 dt)`. The gain enters the
 //! model as parameters, so that it is compiled once and every evaluation is one simulation.
 
+use rayon::prelude::*;
 use std::fmt::Write;
 
 use super::close::{acted, check, series};
@@ -96,6 +97,11 @@ impl SimulationCost {
     /// Never: a gain has entries.
     pub fn is_empty(&self) -> bool {
         self.gain.is_empty()
+    }
+
+    /// Costs of gains (n, [`SimulationCost::len`]), evaluated side by side.
+    pub fn evaluate_all(&self, gains: &[f64]) -> Vec<f64> {
+        gains.par_chunks_exact(self.len().max(1)).map(|gain| self.evaluate(gain)).collect()
     }
 
     /// The cost of a gain; infinite where the motion is lost.

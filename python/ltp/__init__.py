@@ -11,6 +11,20 @@ from typing import TYPE_CHECKING
 
 from ltp import metrics, signals, zoo
 from ltp._ltp import ConvergenceError, InputError
+from ltp.closed_loop import (
+    Case,
+    Certificate,
+    ClosedOrbit,
+    Lifted,
+    Run,
+    SimulationCost,
+    StageOutcome,
+    Tracked,
+    certify,
+    close,
+    simulation_cost,
+    track,
+)
 from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
@@ -49,6 +63,9 @@ from ltp.unclocked import (
 
 __all__ = [
     "Candidate",
+    "Case",
+    "Certificate",
+    "ClosedOrbit",
     "ConvergenceError",
     "Cycle",
     "CycleAverage",
@@ -65,6 +82,7 @@ __all__ = [
     "InputError",
     "Jump",
     "Law",
+    "Lifted",
     "LimitCycle",
     "Location",
     "LtpSystem",
@@ -77,10 +95,16 @@ __all__ = [
     "Recording",
     "Reference",
     "Rest",
+    "Run",
     "SectionMap",
+    "SimulationCost",
+    "StageOutcome",
     "StepResponse",
     "Stop",
+    "Tracked",
     "Trajectory",
+    "certify",
+    "close",
     "cycle",
     "cycle_average",
     "diagnose",
@@ -94,7 +118,9 @@ __all__ = [
     "rests",
     "signals",
     "simulate",
+    "simulation_cost",
     "switch_times",
+    "track",
     "zoo",
 ]
 

@@ -449,6 +449,41 @@ def feedforward(
     start: Mapping[str, float] | None = None,
     start_from: Reference | None = None,
 ) -> Reference: ...
+
+@final
+class SimulationCost:
+    def __new__(
+        cls,
+        model: Model,
+        reference: Reference,
+        deviation: Sequence[float],
+        weights: Sequence[float],
+        steady_weights: Sequence[float],
+        steady_from: float,
+        t_end: float,
+        dt: float,
+        harmonics: Sequence[int],
+    ) -> SimulationCost: ...
+    def __len__(self) -> int: ...
+    def evaluate(self, gains: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+
+def close(model: Model, reference: Reference, gain: npt.NDArray[np.complex128]) -> Model: ...
+def certify(
+    model: Model,
+    reference: Reference,
+    gain: npt.NDArray[np.complex128],
+    *,
+    truncation: int,
+    deviations: npt.NDArray[np.float64],
+    spread: Mapping[str, float],
+    horizon: float | None,
+    tolerated: bool,
+) -> dict[str, Any]: ...
+def track(
+    model: Model,
+    stages: Sequence[tuple[Reference, npt.NDArray[np.complex128], float]],
+    deviation: npt.NDArray[np.float64],
+) -> dict[str, Any]: ...
 def linearize_along(model: Model, reference: Reference) -> LtpSystem: ...
 def cycle(
     model: Model,

@@ -1,4 +1,4 @@
-"""Owns `ltp.feedforward` and the noun `Reference` in Python: a motion to be followed and the input that goes with it."""
+"""Owns `ltp.feedforward` and the noun `Reference` in Python: a motion to be followed and its input."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@
 //! sensitivities through its events; [`signal::Recording`] is what was measured; [`diagnose`] is the only room with doors
 //! to both sides.
 
+pub mod closed_loop;
 pub mod conceal;
 pub mod cycle;
 pub mod diagnose;

@@ -8,6 +8,7 @@
 
 mod array;
 mod arx;
+mod closed_loop;
 mod conceal;
 mod cycle;
 mod diagnose;
@@ -32,6 +33,8 @@ mod unclocked;
 mod _ltp {
     #[pymodule_export]
     use crate::arx::{HeldOut, PeriodicArx, identify_arx};
+    #[pymodule_export]
+    use crate::closed_loop::{SimulationCost, certify, close, track};
     #[pymodule_export]
     use crate::conceal::conceal;
     #[pymodule_export]

@@ -1,0 +1,85 @@
+//! The worst that parameters may do to a closed loop: its orbit and exponents at the corners and middles of their ranges.
+
+use rayon::prelude::*;
+
+use super::orbit::Orbit;
+use crate::error::{Error, Result};
+use crate::feedforward::Reference;
+use crate::model::System;
+
+/// Parameters that may vary at once: three values of each make 243 cases.
+const MOST: usize = 5;
+
+/// A closed loop under other parameter values than those it was designed for.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Relative change of each varied parameter.
+    pub changes: Vec<f64>,
+    /// Largest real part of the exponents of the closed loop's orbit, 1/s; `None` where no orbit was found.
+    pub slowest: Option<f64>,
+    /// Largest distance of that orbit from the reference, per state, as a share of the reference's amplitude.
+    pub error: Vec<f64>,
+}
+
+/// Corners and middles of the ranges of some parameters.
+#[derive(Clone, Debug)]
+pub struct Spread {
+    /// Numbers of the parameters with their relative half ranges.
+    pub parameters: Vec<(usize, f64)>,
+    /// All cases, the first parameter slowest.
+    pub cases: Vec<Case>,
+}
+
+impl Spread {
+    /// All cases of a closed system; `start` (nx) is near its orbit under nominal parameters.
+    pub(super) fn of(
+        system: &dyn System,
+        p: &[f64],
+        reference: &Reference,
+        start: &[f64],
+        parameters: &[(usize, f64)],
+    ) -> Result<Self> {
+        if parameters.len() > MOST {
+            let expected = format!("at most {MOST} parameters; choose those that matter");
+            return Err(Error::OutOfRange { what: "spread".into(), found: parameters.len() as f64, expected });
+        }
+        for (number, share) in parameters {
+            if *number >= p.len() || !(*share > 0.0 && *share < 1.0) {
+                let expected = "relative half ranges between 0 and 1 of parameters that exist".into();
+                return Err(Error::OutOfRange {
+                    what: format!("spread of parameter {number}"),
+                    found: *share,
+                    expected,
+                });
+            }
+        }
+        let count = 3_usize.pow(parameters.len() as u32);
+        let case = |index: usize| {
+            let change = |k: usize| {
+                let digit = index / 3_usize.pow((parameters.len() - 1 - k) as u32) % 3;
+                (digit as f64 - 1.0) * parameters[k].1
+            };
+            let changes: Vec<f64> = (0..parameters.len()).map(change).collect();
+            let mut p = p.to_vec();
+            parameters.iter().zip(&changes).for_each(|((number, _), change)| p[*number] *= 1.0 + change);
+            let orbit = Orbit::find(system, &p, reference, start).ok();
+            let slowest = orbit.as_ref().map(Orbit::slowest);
+            Case { changes, slowest, error: orbit.map_or_else(Vec::new, |o| o.error) }
+        };
+        Ok(Self { parameters: parameters.to_vec(), cases: (0..count).into_par_iter().map(case).collect() })
+    }
+
+    /// The case with the largest real part; one without an orbit is worse than all.
+    pub fn worst(&self) -> Option<&Case> {
+        let badness = |c: &Case| c.slowest.unwrap_or(f64::INFINITY);
+        self.cases.iter().max_by(|a, b| badness(a).total_cmp(&badness(b)))
+    }
+
+    /// Largest error of each state over all cases that have an orbit.
+    pub fn error(&self) -> Vec<f64> {
+        let errors = self.cases.iter().map(|c| &c.error).filter(|e| !e.is_empty());
+        errors.fold(Vec::new(), |most, e| {
+            if most.is_empty() { e.clone() } else { most.iter().zip(e).map(|(a, b)| a.max(*b)).collect() }
+        })
+    }
+}

@@ -28,6 +28,7 @@ from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
 from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
+from ltp.periodic import Floquet, LiftedMode, PeriodicGain, Transverse
 from ltp.recording import Recording
 from ltp.simulate import Event, Stop, Trajectory, simulate
 from ltp.unclocked import (
@@ -59,11 +60,13 @@ __all__ = [
     "Event",
     "Fit",
     "FitRow",
+    "Floquet",
     "HeldOut",
     "Htf",
     "InputError",
     "Jump",
     "Law",
+    "LiftedMode",
     "LimitCycle",
     "Location",
     "LtpSystem",
@@ -71,6 +74,7 @@ __all__ = [
     "Other",
     "ParameterChange",
     "PeriodicArx",
+    "PeriodicGain",
     "Phase",
     "Ratio",
     "Recording",
@@ -79,6 +83,7 @@ __all__ = [
     "StepResponse",
     "Stop",
     "Trajectory",
+    "Transverse",
     "cycle",
     "cycle_average",
     "diagnose",

@@ -43,6 +43,7 @@ from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
 from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
+from ltp.periodic import Floquet, LiftedMode, PeriodicGain, Transverse
 from ltp.recording import Recording
 from ltp.simulate import Event, Stop, Trajectory, simulate
 from ltp.unclocked import (
@@ -77,12 +78,14 @@ __all__ = [
     "Event",
     "Fit",
     "FitRow",
+    "Floquet",
     "HeldOut",
     "Htf",
     "InputError",
     "Jump",
     "Law",
     "Lifted",
+    "LiftedMode",
     "LimitCycle",
     "Location",
     "LtpSystem",
@@ -90,6 +93,7 @@ __all__ = [
     "Other",
     "ParameterChange",
     "PeriodicArx",
+    "PeriodicGain",
     "Phase",
     "Ratio",
     "Recording",
@@ -103,6 +107,7 @@ __all__ = [
     "Stop",
     "Tracked",
     "Trajectory",
+    "Transverse",
     "certify",
     "close",
     "cycle",

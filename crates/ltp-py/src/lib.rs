@@ -21,6 +21,7 @@ mod interrupt;
 mod kernels;
 mod linearize;
 mod model;
+mod periodic;
 mod recording;
 mod section;
 mod signals;
@@ -55,6 +56,8 @@ mod _ltp {
     use crate::linearize::{LtpSystem, linearize, linearize_along};
     #[pymodule_export]
     use crate::model::{Model, effect_names, effect_text, unit_factor, zoo_names, zoo_text};
+    #[pymodule_export]
+    use crate::periodic::{Floquet, Transverse};
     #[pymodule_export]
     use crate::recording::Recording;
     #[pymodule_export]

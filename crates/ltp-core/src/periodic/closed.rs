@@ -1,13 +1,9 @@
 //! A periodic state feedback around a linear time-periodic system: `u = -K(t) x + v`.
 
 use super::propagate::product;
-use super::smooth::{Scales, Values, cut};
-use super::system::{Entry, Jump, LtpSystem, Segment, Size};
+use super::system::{Jump, LtpSystem, Segment, Size};
 use crate::error::{Error, Result};
 use crate::numeric::fourier_series::FourierSeries;
-
-/// Times a segment may be halved so that its nodes resolve the gain as well.
-const HALVINGS: usize = 12;
 
 impl LtpSystem {
     /// The system under `u = -K(t) x + v`: `A - B K`, `B`, `C - D K`, `D` from `v`, and `S - E K` at jumps.
@@ -31,46 +27,28 @@ impl LtpSystem {
                 format!("the system's {} s, or a whole part of it: the loop has to be periodic", self.period());
             return Err(Error::OutOfRange { what: "period of the gain".into(), found: gain.period(), expected });
         }
-        let at = |s: &Segment, t: f64| -> Values {
-            let theta = (t - s.start) / (s.end - s.start);
-            let mut open = Values::default();
-            for (entry, out) in [Entry::A, Entry::B, Entry::C, Entry::D].into_iter().zip(&mut open) {
-                self.at(s, theta, entry, out);
-            }
-            let [a, b, c, d] = open;
+        let after = |jump: &Jump| {
+            let state = less(&jump.state, &jump.input, &gain.value(jump.time), nu);
+            Jump { state, ..jump.clone() }
+        };
+        let jumps = |s: &Segment| s.jumps.iter().map(after).collect::<Vec<_>>();
+        if gain.harmonics() == 0 {
+            // A constant gain leaves every entry a polynomial of the same nodes.
+            let k = gain.value(0.0);
+            let closed = |m: &[f64], by: &[f64], rows: usize| -> Vec<f64> {
+                let nodes = m.chunks((rows * nx).max(1)).zip(by.chunks((rows * nu).max(1)));
+                nodes.flat_map(|(m, by)| less(m, by, &k, nu)).collect()
+            };
+            let one = |s: &Segment| {
+                let (a, c) = (closed(&s.a, &s.b, nx), closed(&s.c, &s.d, size.ny));
+                Segment { a, c, jumps: jumps(s), ..s.clone() }
+            };
+            return Self::new(self.period(), self.start(), size, self.segments().iter().map(one).collect());
+        }
+        self.rebuilt(size, jumps, |t, [a, b, c, d]| {
             let k = gain.value(t);
             [less(&a, &b, &k, nu), b, less(&c, &d, &k, nu), d]
-        };
-        let mut scales = Scales::new(size);
-        for s in self.segments() {
-            for node in &self.gauss().nodes {
-                scales.include(&at(s, s.start + node * (s.end - s.start)));
-            }
-        }
-        // A constant gain leaves every entry a polynomial of the same nodes.
-        let halvings = if gain.harmonics() == 0 { 0 } else { HALVINGS };
-        let mut segments: Vec<Segment> = Vec::new();
-        for s in self.segments() {
-            if halvings == 0 {
-                let k = gain.value(0.0);
-                let closed = |m: &[f64], by: &[f64], rows: usize| -> Vec<f64> {
-                    let nodes = m.chunks(rows * nx).zip(by.chunks(rows * nu));
-                    nodes.flat_map(|(m, by)| less(m, by, &k, nu)).collect()
-                };
-                let c = if size.ny == 0 { vec![] } else { closed(&s.c, &s.d, size.ny) };
-                segments.push(Segment { a: closed(&s.a, &s.b, nx), c, ..s.clone() });
-            } else {
-                cut(self.gauss(), &scales, (s.start, s.end), halvings, &mut |t| Ok(at(s, t)), &mut segments)?;
-            }
-            let jump = |jump: &Jump| Jump {
-                state: less(&jump.state, &jump.input, &gain.value(jump.time), nu),
-                ..jump.clone()
-            };
-            if let Some(last) = segments.last_mut() {
-                last.jumps = s.jumps.iter().map(jump).collect();
-            }
-        }
-        Self::new(self.period(), self.start(), size, segments)
+        })
     }
 }
 
@@ -84,6 +62,7 @@ fn less(left: &[f64], by: &[f64], gain: &[f64], nu: usize) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::numeric::Complex;
+    use crate::periodic::Entry;
     use crate::periodic::system::NODES;
     use std::f64::consts::TAU;
 

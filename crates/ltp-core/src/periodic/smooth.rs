@@ -3,7 +3,7 @@
 //! A stretch of the period is halved until the two highest Legendre coefficients of every entry, and its interpolant at the
 //! middle, are within rounding of what the function says there.
 
-use super::system::{Entry, LtpSystem, NODES, Segment, Size};
+use super::system::{Entry, Jump, LtpSystem, NODES, Segment, Size};
 use crate::error::{Error, Result};
 use crate::numeric::fourier_series::FourierSeries;
 use crate::numeric::gauss::Gauss;
@@ -112,6 +112,37 @@ impl LtpSystem {
             None => vec![0.0; entry.len(size)],
         })
     }
+
+    /// A system with other matrices and jumps, made from those of this one at each time, over segments that resolve them.
+    pub(super) fn rebuilt(
+        &self,
+        size: Size,
+        jumps: impl Fn(&Segment) -> Vec<Jump>,
+        matrices: impl Fn(f64, Values) -> Values,
+    ) -> Result<Self> {
+        let at = |s: &Segment, t: f64| -> Values {
+            let theta = (t - s.start) / (s.end - s.start);
+            let mut own = Values::default();
+            for (entry, out) in ENTRIES.into_iter().zip(&mut own) {
+                self.at(s, theta, entry, out);
+            }
+            matrices(t, own)
+        };
+        let mut scales = Scales::new(size);
+        for s in self.segments() {
+            for node in &self.gauss().nodes {
+                scales.include(&at(s, s.start + node * (s.end - s.start)));
+            }
+        }
+        let mut segments = Vec::new();
+        for s in self.segments() {
+            cut(self.gauss(), &scales, (s.start, s.end), HALVINGS, &mut |t| Ok(at(s, t)), &mut segments)?;
+            if let Some(last) = segments.last_mut() {
+                last.jumps = jumps(s);
+            }
+        }
+        Self::new(self.period(), self.start(), size, segments)
+    }
 }
 
 impl Entry {
@@ -128,17 +159,17 @@ impl Entry {
 }
 
 /// What each entry is measured against.
-pub(super) struct Scales {
+struct Scales {
     size: Size,
     largest: Values,
 }
 
 impl Scales {
-    pub(super) fn new(size: Size) -> Self {
+    fn new(size: Size) -> Self {
         Self { size, largest: ENTRIES.map(|entry| vec![0.0; entry.len(size)]) }
     }
 
-    pub(super) fn include(&mut self, values: &Values) {
+    fn include(&mut self, values: &Values) {
         for (largest, values) in self.largest.iter_mut().zip(values) {
             largest.iter_mut().zip(values).for_each(|(l, v)| *l = l.max(v.abs()));
         }
@@ -168,7 +199,7 @@ impl Scales {
 }
 
 /// Segments from `start` to `end` that resolve the matrices, halved as often as it takes.
-pub(super) fn cut(
+fn cut(
     gauss: &Gauss,
     scales: &Scales,
     (start, end): (f64, f64),

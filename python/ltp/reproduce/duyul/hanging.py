@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-import ltp
 from ltp.plots.tracking import Curve, Run, tracking
 from ltp.reproduce.duyul.loops import Loop, follow
 from ltp.reproduce.duyul.rig import Rig, gain

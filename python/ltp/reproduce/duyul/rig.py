@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -57,7 +57,7 @@ class Rig:
         t = np.arange(256) / 256 * (math.tau / cart.omega)
         return Sine.fitted(t, self.constants(equation).voltage(t, cart, pendulum), cart.omega)
 
-    @lru_cache(maxsize=None)  # noqa: B019  one rig lives as long as one reproduction
+    @cache  # noqa: B019  one rig lives as long as one reproduction
     def reference(self, equation: str) -> ltp.Reference:
         """The printed reference with the input that (3.1) asks for: what the thesis' tables were made with."""
         cart, pendulum = self.printed(equation)
@@ -69,7 +69,7 @@ class Rig:
         inputs = {"V": values.pop("V")}
         return ltp.Reference.sinusoids(self.model(equation), PRESCRIBED[equation].omega, values, inputs=inputs)
 
-    @lru_cache(maxsize=None)  # noqa: B019
+    @cache  # noqa: B019
     def orbit(self, equation: str, amplitude: float | None = None) -> ltp.Reference:
         """The true periodic orbit for the coordinate that an equation prescribes, at its amplitude or another one."""
         sine = PRESCRIBED[equation]
@@ -82,13 +82,13 @@ class Rig:
             harmonics=HARMONICS,
         )
 
-    @lru_cache(maxsize=None)  # noqa: B019
+    @cache  # noqa: B019
     def system(self, equation: str, true: bool = False, amplitude: float | None = None) -> ltp.LtpSystem:
         """The model linearized along the printed reference, or along the true orbit."""
         along = self.orbit(equation, amplitude) if true else self.reference(equation)
         return ltp.linearize(self.model(equation), along)
 
-    @lru_cache(maxsize=None)  # noqa: B019
+    @cache  # noqa: B019
     def certificate(self, equation: str, words: str) -> ltp.Certificate:
         """What every witness says of a printed gain around the printed reference."""
         return ltp.certify(

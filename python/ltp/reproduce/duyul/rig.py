@@ -60,13 +60,12 @@ class Rig:
     @cache  # noqa: B019  one rig lives as long as one reproduction
     def reference(self, equation: str) -> ltp.Reference:
         """The printed reference with the input that (3.1) asks for: what the thesis' tables were made with."""
-        cart, pendulum = self.printed(equation)
-        return self.along(equation, {"x": cart, "theta": pendulum, "V": self.voltage(cart, pendulum, equation)})
+        return self.along(equation, dict(zip(("x", "theta"), self.printed(equation), strict=True)))
 
     def along(self, equation: str, sines: Mapping[str, Sine]) -> ltp.Reference:
-        """A reference of sines for the model of an equation, whether or not it is an orbit."""
+        """A reference of sines for the model of an equation, whether or not it is an orbit; V from (3.1) if not given."""
         values = {name: (sine.amplitude, sine.phase, sine.offset) for name, sine in sines.items()}
-        inputs = {"V": values.pop("V")}
+        inputs = {"V": values.pop("V")} if "V" in values else None
         return ltp.Reference.sinusoids(self.model(equation), PRESCRIBED[equation].omega, values, inputs=inputs)
 
     @cache  # noqa: B019

@@ -97,7 +97,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What every witness says of a closed loop, and the verdict: "stable", "unstable" or "disagree".
+    """What every witness says of a closed loop, and the verdict: "stable", "neutral", "unstable" or "disagree".
 
     `sentence` says it with numbers, `reasons` what disagrees and why (reference is not an orbit, truncation, basin,
     transient growth, not robust). `open` and `exponents` (nx,) are the exact Floquet exponents along the reference

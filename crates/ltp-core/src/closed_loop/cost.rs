@@ -129,7 +129,7 @@ impl SimulationCost {
             let weight = if i == 0 || i + 1 == n { 0.5 * self.task.dt } else { self.task.dt };
             for r in 0..nx {
                 let error = engine.state()[r] - self.wanted[i * nx + r];
-                if !(error.abs() < LOST * self.amplitudes[r]) {
+                if error.is_nan() || error.abs() >= LOST * self.amplitudes[r] {
                     return f64::INFINITY;
                 }
                 all[r] += weight * error * error;

@@ -88,6 +88,7 @@ fn on_the_true_orbit_the_printed_gains_are_slow_and_the_edge_of_the_lift_lies() 
     let reference = true_up();
     let open = certify(&inverted(), &reference, &gain(UP, [0.0; 4]), &Options::default()).expect("a certificate");
     near(open.open[1].re, -0.0065, 6e-5);
+    assert_eq!(open.verdict, Verdict::Neutral, "{}", open.sentence);
     for (values, slow) in [
         ([1000.5, 3.9, 5.4, -0.7], -0.0071),
         ([1093.2, 4.3, 75.6, 2.5], -0.0031),

@@ -5,6 +5,7 @@
 //! to both sides.
 
 pub mod conceal;
+pub mod control;
 pub mod cycle;
 pub mod diagnose;
 pub mod error;

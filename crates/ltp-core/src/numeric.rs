@@ -10,11 +10,13 @@
 pub mod banded;
 pub mod chirp_z;
 pub mod eigen;
+pub mod eigenpair;
 pub mod fft;
 pub mod folded;
 pub mod fourier_series;
 pub mod gauss;
 pub mod lsq;
+pub mod minimise;
 pub mod penalised;
 pub mod quartic;
 pub mod regression;

@@ -120,6 +120,19 @@ def test_simulation_cost(hanging: ltp.Model, down: ltp.Reference) -> None:
         cost([1.0, 2.0])
 
 
+def test_design_by_simulation(hanging: ltp.Model, down: ltp.Reference) -> None:
+    weights = {"x": 5.0, "theta": 1.0}
+    cost = ltp.simulation_cost(hanging, down, deviation=OFF, weights=weights, t_end=10, dt=1e-2)
+    found = cost.design(limit=1000, budget=600, seed=3)
+    assert cost(found.gain) == pytest.approx(found.cost)
+    assert found.cost < 0.2292 and found.evaluations <= 600
+    assert ltp.certify(hanging, down, found).verdict == "stable"
+    again = cost.design(limit=1000, budget=600, seed=3)
+    assert again.cost == found.cost
+    with pytest.raises(ltp.InputError, match="limit"):
+        cost.design(limit=-1)
+
+
 def test_bad_input(inverted: ltp.Model, true_up: ltp.Reference, down: ltp.Reference) -> None:
     with pytest.raises(ltp.InputError, match=r"expected \(1, 4\)"):
         ltp.certify(inverted, true_up, [1.0, 2.0, 3.0])

@@ -77,10 +77,11 @@ def test_true_orbit_and_spread(inverted: ltp.Model, true_up: ltp.Reference) -> N
 
 def test_unstable(inverted: ltp.Model) -> None:
     beyond = ltp.feedforward(inverted, "theta", amplitude=0.105, offset=math.pi, omega=UP)
-    found = ltp.certify(inverted, beyond, T43)
-    assert found.verdict == "unstable"
-    assert found.slowest == pytest.approx(0.219, abs=6e-3)
-    assert np.nanmax(found.open.real) == pytest.approx(0.22, abs=6e-3)
+    for gain, slow in (([1000.5, 3.9, 5.4, -0.7], 0.219), ([1093.2, 4.3, 75.6, 2.5], 0.223)):
+        found = ltp.certify(inverted, beyond, gain)
+        assert found.verdict == "unstable", found.sentence
+        assert found.slowest == pytest.approx(slow, abs=6e-4)
+    assert np.nanmax(found.open.real) == pytest.approx(0.22, abs=1e-3)
 
 
 def test_close_is_an_ordinary_model(hanging: ltp.Model, down: ltp.Reference) -> None:
@@ -117,6 +118,19 @@ def test_simulation_cost(hanging: ltp.Model, down: ltp.Reference) -> None:
     assert cost([[69.69, -2.01, 19.62, 6.54]]) == many[0]
     with pytest.raises(ltp.InputError, match="numbers in a gain"):
         cost([1.0, 2.0])
+
+
+def test_design_by_simulation(hanging: ltp.Model, down: ltp.Reference) -> None:
+    weights = {"x": 5.0, "theta": 1.0}
+    cost = ltp.simulation_cost(hanging, down, deviation=OFF, weights=weights, t_end=10, dt=1e-2)
+    found = cost.design(limit=1000, budget=600, seed=3)
+    assert cost(found.gain) == pytest.approx(found.cost)
+    assert found.cost < 0.2292 and found.evaluations <= 600
+    assert ltp.certify(hanging, down, found).verdict == "stable"
+    again = cost.design(limit=1000, budget=600, seed=3)
+    assert again.cost == found.cost
+    with pytest.raises(ltp.InputError, match="limit"):
+        cost.design(limit=-1)
 
 
 def test_bad_input(inverted: ltp.Model, true_up: ltp.Reference, down: ltp.Reference) -> None:

@@ -97,7 +97,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What every witness says of a closed loop, and the verdict: "stable", "unstable" or "disagree".
+    """What every witness says of a closed loop, and the verdict: "stable", "neutral", "unstable" or "disagree".
 
     `sentence` says it with numbers, `reasons` what disagrees and why (reference is not an orbit, truncation, basin,
     transient growth, not robust). `open` and `exponents` (nx,) are the exact Floquet exponents along the reference
@@ -263,6 +263,21 @@ def track(
 
 
 @dataclass(frozen=True, eq=False)
+class SimulationDesign:
+    """A gain found by simulation: `harmonics` {k: (nu, nx)} of `period` (s), its `cost`, `evaluations` spent."""
+
+    period: float
+    harmonics: dict[int, Complexes]
+    cost: float
+    evaluations: int
+
+    @property
+    def gain(self) -> Array:
+        """Mean gain (nu, nx)."""
+        return np.ascontiguousarray(self.harmonics[0].real)
+
+
+@dataclass(frozen=True, eq=False)
 class SimulationCost:
     """A design objective by simulation, compiled once: call it with a gain, or `many` with several at a time.
 
@@ -271,6 +286,7 @@ class SimulationCost:
 
     harmonics: tuple[int, ...]
     shape: tuple[int, int]
+    period: float
     _core: _ltp.SimulationCost = field(repr=False)
 
     def __len__(self) -> int:
@@ -284,6 +300,31 @@ class SimulationCost:
     def many(self, gains: npt.ArrayLike) -> Array:
         """Costs (n,) of gains (n, numbers), evaluated side by side."""
         return self._core.evaluate(np.ascontiguousarray(gains, dtype=np.float64))
+
+    def design(
+        self,
+        *,
+        limit: float,
+        particles: int = 10,
+        rounds: int = 50,
+        descent: int = 40,
+        budget: int = 4000,
+        seed: int = 0,
+    ) -> SimulationDesign:
+        """The gain of least cost with a norm up to `limit`: the particle swarm of Duyul 2018, Algorithm 1.
+
+        particles, rounds: of the swarm; `descent` evaluations of the local solver inside each (0 leaves it out), and
+        `budget` evaluations at most. Raises `ConvergenceError` when every motion was lost.
+        """
+        whole = {"particles": particles, "rounds": rounds, "descent": descent, "budget": budget, "seed": seed}
+        for name, value in whole.items():
+            if value < 0:
+                raise InputError(f"SimulationCost.design: {name} is {value}, expected a number from 0 on; correct it")
+        lines, figures = self._core.design(limit=float(limit), **whole)
+        named = dict(figures)
+        gains = {k: lines[k].reshape(self.shape) * (1 if k == 0 else 2) for k in self.harmonics}
+        gains.setdefault(0, np.zeros(self.shape, dtype=np.complex128))
+        return SimulationDesign(self.period, gains, named["cost"], int(named["evaluations"]))
 
 
 def simulation_cost(
@@ -312,7 +353,8 @@ def simulation_cost(
     core = _ltp.SimulationCost(
         model._core, reference._core, off, whole, steady, float(steady_from), float(t_end), float(dt), chosen
     )
-    return SimulationCost(tuple(chosen), (len(model.inputs), len(model.states)), core)
+    shape = (len(model.inputs), len(model.states))
+    return SimulationCost(tuple(chosen), shape, reference.period, core)
 
 
 def _run(model: Model, run: dict[str, Any]) -> Run:

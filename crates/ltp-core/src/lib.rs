@@ -6,6 +6,7 @@
 
 pub mod closed_loop;
 pub mod conceal;
+pub mod control;
 pub mod cycle;
 pub mod diagnose;
 pub mod error;

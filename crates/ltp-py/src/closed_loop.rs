@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use ltp_core::closed_loop::{self as core, Options, Stage, Task};
+use ltp_core::closed_loop::{self as core, Options, Search, Stage, Task};
 use ltp_core::error::Result;
 use ltp_core::numeric::Complex;
 use ltp_core::numeric::fourier_series::FourierSeries;
-use numpy::{IntoPyArray, PyArray1, PyArrayMethods, ToPyArray};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyMapping};
 
@@ -127,6 +127,25 @@ impl SimulationCost {
         array::same("numbers in a gain", self.core.len(), width)?;
         let core = Arc::clone(&self.core);
         Ok(door::long(py, None, move |_| Ok(core.evaluate_all(&gains)))?.into_pyarray(py))
+    }
+
+    /// The gain of least cost that a particle swarm finds, as Fourier coefficients (K + 1, nu nx), and its figures by name.
+    #[pyo3(signature = (*, limit, particles, rounds, descent, budget, seed))]
+    #[expect(clippy::too_many_arguments, reason = "they are the keyword arguments of Python")]
+    fn design<'py>(
+        &self,
+        py: Python<'py>,
+        limit: f64,
+        particles: usize,
+        rounds: usize,
+        descent: usize,
+        budget: usize,
+        seed: u64,
+    ) -> PyResult<(Bound<'py, PyArray2<Complex>>, Vec<(String, f64)>)> {
+        let (core, search) = (Arc::clone(&self.core), Search { limit, particles, rounds, descent, budget, seed });
+        let found = door::long(py, None, move |_| core::design_by_simulation(&core, &search))?;
+        let lines = found.gain.coefficients().to_pyarray(py);
+        Ok((lines.reshape([found.gain.harmonics() + 1, found.gain.rows()])?, found.figures))
     }
 }
 

@@ -132,7 +132,7 @@ pub fn certify(model: &Model, reference: &Reference, gain: &FourierSeries, optio
         Ok(orbit) => (Some(orbit), None),
         Err(error) => (None, Some(error.to_string())),
     };
-    let fastest = exact.iter().fold(closed_pumping(period), |m, e| m.max(e.norm()));
+    let fastest = exact.iter().fold(pumping(period), |m, e| m.max(e.norm()));
     let own = Loop { system: &system, p: &p, reference, gain, orbit: orbit.as_ref().map(|o| &o.states), fastest };
     let rate = orbit.as_ref().map_or_else(|| slowest(&exact), Orbit::slowest).abs();
     let horizon = options.horizon.unwrap_or_else(|| (CONSTANTS / rate).clamp(PERIODS.0 * period, PERIODS.1 * period));
@@ -158,7 +158,7 @@ pub fn certify(model: &Model, reference: &Reference, gain: &FourierSeries, optio
         sentence: String::new(),
         reasons: Vec::new(),
     };
-    out.judge(model);
+    out.judge(model, pumping(period));
     Ok(out)
 }
 
@@ -168,7 +168,7 @@ fn linear(system: &Compiled, reference: &Reference) -> Result<LtpSystem> {
     along(system, system.parameters(), system.initial_mode(), &reference.states, &inputs)
 }
 
-fn closed_pumping(period: f64) -> f64 {
+fn pumping(period: f64) -> f64 {
     std::f64::consts::TAU / period
 }
 
@@ -177,14 +177,14 @@ fn lift(system: &LtpSystem, truncation: usize, exact: &[Complex]) -> Result<Lift
     let order = (2 * truncation + 1) * system.size().nx;
     let all = eigenvalues_complex(&system.lift(truncation)?, order)?;
     let mut left = all.clone();
-    let pumping = closed_pumping(system.period());
+    let omega = pumping(system.period());
     let (mut central, mut distance) = (f64::NEG_INFINITY, 0.0_f64);
     for exponent in exact {
         let off = |v: &Complex| (v - exponent).norm();
         let nearest = (0..left.len()).min_by(|&a, &b| off(&left[a]).total_cmp(&off(&left[b]))).unwrap_or(0);
         let value = left.swap_remove(nearest);
         central = central.max(value.re);
-        distance = distance.max(off(&value) / exponent.norm().max(pumping));
+        distance = distance.max(off(&value) / exponent.norm().max(omega));
     }
     Ok(Lifted { truncation, all: slowest(&all), central, distance })
 }

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::feedforward::Reference;
 use crate::model::document::Parameter;
 use crate::model::{Backend, Compiled, Model, System};
-use crate::numeric::fourier_series::FourierSeries;
+use crate::numeric::{Complex, fourier_series::FourierSeries};
 use crate::simulate::Inputs;
 use crate::simulate::engine::{Engine, Settings};
 
@@ -49,6 +49,9 @@ pub struct SimulationCost {
     wanted: Vec<f64>,
     amplitudes: Vec<f64>,
     task: Task,
+    period: f64,
+    /// Numbers in one harmonic, nu nx.
+    entries: usize,
 }
 
 impl SimulationCost {
@@ -79,13 +82,13 @@ impl SimulationCost {
             return Err(Error::OutOfRange { what: "harmonics".into(), found: 0.0, expected });
         }
         let (closed, names) = with_parameters(model, reference, &everywhere, &task.harmonics)?;
-        let system = closed.compile_for(Vec::new(), Backend::Native);
         let gain = names.iter().map(|name| closed.parameter(name)).collect::<Result<Vec<_>>>()?;
+        let system = closed.compile_for(gain.clone(), Backend::Native);
         let n = (task.t_end / task.dt).round() as usize + 1;
         let wanted = (0..n).flat_map(|i| reference.states.value(i as f64 * task.dt)).collect();
         let start = reference.states.value(0.0).iter().zip(&task.deviation).map(|(z, d)| z + d).collect();
         let (nominal, amplitudes) = (system.parameters().to_vec(), shares(reference));
-        Ok(Self { system, nominal, gain, start, wanted, amplitudes, task })
+        Ok(Self { system, nominal, gain, start, wanted, amplitudes, task, period, entries: nu * nx })
     }
 
     /// Numbers in a gain: per harmonic (nu, nx), of those above zero first the real and then the imaginary part, with
@@ -104,43 +107,99 @@ impl SimulationCost {
         gains.par_chunks_exact(self.len().max(1)).map(|gain| self.evaluate(gain)).collect()
     }
 
+    /// A gain (nu, nx) as a periodic signal, from its numbers.
+    ///
+    /// # Errors
+    /// `Shape` for another number of them, `NotFinite`.
+    pub fn gain(&self, numbers: &[f64]) -> Result<FourierSeries> {
+        if numbers.len() != self.len() {
+            return Err(Error::Shape { what: "numbers in a gain".into(), expected: self.len(), found: numbers.len() });
+        }
+        let most = self.task.harmonics.iter().copied().max().unwrap_or(0);
+        let mut lines = vec![Complex::new(0.0, 0.0); (most + 1) * self.entries];
+        let mut rest = numbers;
+        let mut take = || {
+            let (part, after) = rest.split_at(self.entries);
+            rest = after;
+            part
+        };
+        for &k in &self.task.harmonics {
+            let (re, im) = (take(), if k > 0 { Some(take()) } else { None });
+            for i in 0..self.entries {
+                // K_0 + Re K_k e^{jkwt}: the coefficient of a series is half of K_k.
+                lines[k * self.entries + i] += im.map_or(Complex::from(re[i]), |im| 0.5 * Complex::new(re[i], im[i]));
+            }
+        }
+        FourierSeries::new(self.period, self.entries, lines)
+    }
+
     /// The cost of a gain; infinite where the motion is lost.
     ///
     /// # Panics
     /// For a gain of another length than [`SimulationCost::len`].
     pub fn evaluate(&self, gain: &[f64]) -> f64 {
+        self.simulate(gain, None)
+    }
+
+    /// The cost of a gain with its gradient, by the sensitivities of the motion; zero where the motion is lost.
+    ///
+    /// # Panics
+    /// As [`SimulationCost::evaluate`].
+    pub fn with_gradient(&self, gain: &[f64]) -> (f64, Vec<f64>) {
+        let mut gradient = vec![0.0; gain.len()];
+        let value = self.simulate(gain, Some(&mut gradient));
+        if !value.is_finite() {
+            gradient.fill(0.0);
+        }
+        (value, gradient)
+    }
+
+    fn simulate(&self, gain: &[f64], gradient: Option<&mut [f64]>) -> f64 {
         assert_eq!(gain.len(), self.gain.len(), "numbers in a gain");
-        let nx = self.start.len();
+        let (nx, nf, derivatives) = (self.start.len(), gain.len(), gradient.is_some());
         let mut p = self.nominal.clone();
         self.gain.iter().zip(gain).for_each(|(&number, &value)| p[number] = value);
         let n = self.wanted.len() / nx;
         let inputs = Inputs::constant(&vec![0.0; self.system.inputs()]);
-        let settings = Settings { t0: 0.0, step: self.task.dt, max_steps: 10 * n as u64, derivatives: false };
+        let settings = Settings { t0: 0.0, step: self.task.dt, max_steps: 10 * n as u64, derivatives };
         let mode = self.system.initial_mode();
         let Ok(mut engine) = Engine::new(&self.system, &p, &inputs, &self.start, mode, settings) else {
             return f64::INFINITY;
         };
-        let (mut all, mut steady) = (vec![0.0; nx], vec![0.0; nx]);
+        // Squares of all states over the whole time, then over the steady part; and half their slopes.
+        let mut squares = vec![0.0; 2 * nx];
+        let mut slopes = vec![0.0; if derivatives { 2 * nx * nf } else { 0 }];
         for i in 0..n {
             if engine.advance(i as u64).is_err() {
                 return f64::INFINITY;
             }
             // The trapezoidal rule: ends count half.
             let weight = if i == 0 || i + 1 == n { 0.5 * self.task.dt } else { self.task.dt };
+            let parts = if i as f64 * self.task.dt >= self.task.steady_from { 2 } else { 1 };
             for r in 0..nx {
                 let error = engine.state()[r] - self.wanted[i * nx + r];
-                if !(error.abs() < LOST * self.amplitudes[r]) {
+                if error.is_nan() || error.abs() >= LOST * self.amplitudes[r] {
                     return f64::INFINITY;
                 }
-                all[r] += weight * error * error;
-                if i as f64 * self.task.dt >= self.task.steady_from {
-                    steady[r] += weight * error * error;
+                for part in 0..parts {
+                    squares[part * nx + r] += weight * error * error;
+                    if derivatives {
+                        let row = &engine.sensitivities()[r * (nx + nf) + nx..][..nf];
+                        let slope = &mut slopes[(part * nx + r) * nf..][..nf];
+                        slope.iter_mut().zip(row).for_each(|(s, d)| *s += weight * error * d);
+                    }
                 }
             }
         }
-        let sum =
-            |weights: &[f64], squares: &[f64]| -> f64 { weights.iter().zip(squares).map(|(w, s)| w * s.sqrt()).sum() };
-        sum(&self.task.weights, &all) + sum(&self.task.steady_weights, &steady)
+        let weights = self.task.weights.iter().chain(&self.task.steady_weights);
+        if let Some(gradient) = gradient {
+            gradient.fill(0.0);
+            for (k, w) in weights.clone().enumerate().filter(|(k, w)| **w != 0.0 && squares[*k] > 0.0) {
+                let factor = w / squares[k].sqrt();
+                gradient.iter_mut().zip(&slopes[k * nf..][..nf]).for_each(|(g, s)| *g += factor * s);
+            }
+        }
+        weights.zip(&squares).map(|(w, s)| w * s.sqrt()).sum()
     }
 }
 

@@ -88,6 +88,7 @@ fn on_the_true_orbit_the_printed_gains_are_slow_and_the_edge_of_the_lift_lies() 
     let reference = true_up();
     let open = certify(&inverted(), &reference, &gain(UP, [0.0; 4]), &Options::default()).expect("a certificate");
     near(open.open[1].re, -0.0065, 6e-5);
+    assert_eq!(open.verdict, Verdict::Neutral, "{}", open.sentence);
     for (values, slow) in [
         ([1000.5, 3.9, 5.4, -0.7], -0.0071),
         ([1093.2, 4.3, 75.6, 2.5], -0.0031),
@@ -159,11 +160,45 @@ fn the_cost_by_simulation_is_that_of_the_prototype() {
     near(cost.evaluate(&[872.59, -8.88, 13.6, 1.2]), 0.1446, 1e-3);
     assert_eq!(cost.evaluate(&[-1e6, 0.0, 0.0, 0.0]), f64::INFINITY);
     assert!(SimulationCost::new(&hanging(), &down(), Task { weights: vec![1.0], ..task.clone() }).is_err());
+    let (value, slope) = cost.with_gradient(&[69.69, -2.01, 19.62, 6.54]);
+    near(value, cost.evaluate(&[69.69, -2.01, 19.62, 6.54]), 1e-12);
+    for k in 0..4 {
+        let at = |h: f64| {
+            let mut gain = [69.69, -2.01, 19.62, 6.54];
+            gain[k] += h;
+            cost.evaluate(&gain)
+        };
+        near(slope[k], (at(1e-4) - at(-1e-4)) / 2e-4, 1e-8);
+    }
     // The mean given as a second harmonic that is zero changes nothing.
     let two = SimulationCost::new(&hanging(), &down(), Task { harmonics: vec![0, 2], ..task }).expect("a cost");
     let mut wide = [0.0; 12];
     wide[..4].copy_from_slice(&[69.69, -2.01, 19.62, 6.54]);
     near(two.evaluate(&wide), cost.evaluate(&wide[..4]), 1e-12);
+    wide[4..].copy_from_slice(&[1.0, 2.0, 3.0, 4.0, 0.5, -1.0, 0.25, 2.0]);
+    let gain = two.gain(&wide).expect("a gain");
+    let (sin, cos) = (2.0 * DOWN * 0.15).sin_cos();
+    near(gain.value(0.15)[0], 69.69 + cos - 0.5 * sin, 1e-12);
+}
+
+#[test]
+fn design_by_simulation_finds_what_the_thesis_found() {
+    let task = Task {
+        deviation: vec![0.02, 0.2, 0.0, 0.0],
+        weights: vec![5.0, 1.0, 0.0, 0.0],
+        steady_weights: Vec::new(),
+        steady_from: 0.0,
+        t_end: 10.0,
+        dt: 1e-2,
+        harmonics: vec![0],
+    };
+    let cost = SimulationCost::new(&hanging(), &down(), task).expect("a cost");
+    let found = design_by_simulation(&cost, &Search::default()).expect("a gain");
+    // 0.1446 is printed, 0.1430 the best known: nearly flat in the gain of the cart, so anything between is as good.
+    let value = found.figure("cost").expect("a cost");
+    assert!(value < 0.146, "{found:?}");
+    assert!(found.figure("norm").expect("a norm") <= 1000.0 * (1.0 + 1e-9));
+    assert!(design_by_simulation(&cost, &Search { limit: -1.0, ..Search::default() }).is_err());
 }
 
 #[test]

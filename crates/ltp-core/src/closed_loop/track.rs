@@ -75,7 +75,7 @@ pub fn track(model: &Model, stages: &[Stage], deviation: &[f64]) -> Result<Track
     for stage in stages {
         let (reference, period) = (&stage.reference, stage.reference.period());
         let count = (stage.until - from) / (period / SAMPLES as f64);
-        if !(count >= 1.0 && count < 1e8) {
+        if !(1.0..1e8).contains(&count) {
             let expected = format!("a time after {from} s, where the stage begins");
             return Err(Error::OutOfRange { what: "until".into(), found: stage.until, expected });
         }

@@ -1,0 +1,25 @@
+//! Level 3: state feedback for linear time-periodic systems, `u = -K(t) x`.
+//!
+//! The noun is [`Feedback`]. Two ways lead to it: [`harmonic_balance`] moves the eigenvalues of the lifted closed loop, or its
+//! exact Floquet exponents, by a constant gain or by one with a few harmonics ([`law`]), under constraints; [`periodic_lqr`]
+//! solves the periodic Riccati equation. What is moved is a [`Spectrum`] of modes, which [`Lifted`] and [`Exact`] find with
+//! derivatives. Transverse designs need nothing of their own: a transverse system is an
+//! [`LtpSystem`](crate::periodic::LtpSystem).
+
+mod closed;
+mod exact;
+mod feedback;
+pub mod law;
+mod lifted;
+#[cfg(test)]
+mod lifted_tests;
+mod spectrum;
+#[cfg(test)]
+mod testing;
+
+pub use closed::exponents;
+pub use exact::{Exact, STEPS};
+pub use feedback::Feedback;
+pub use law::Law;
+pub use lifted::Lifted;
+pub use spectrum::{Mode, Objective, Spectrum};

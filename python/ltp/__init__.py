@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ltp import metrics, signals, zoo
 from ltp._ltp import ConvergenceError, InputError
+from ltp.control import Feedback, Objective, closed_loop_eigenvalues, control, floquet_exponents
 from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
@@ -57,6 +58,7 @@ __all__ = [
     "Effect",
     "Estimate",
     "Event",
+    "Feedback",
     "Fit",
     "FitRow",
     "HeldOut",
@@ -68,6 +70,7 @@ __all__ = [
     "Location",
     "LtpSystem",
     "Model",
+    "Objective",
     "Other",
     "ParameterChange",
     "PeriodicArx",
@@ -79,9 +82,12 @@ __all__ = [
     "StepResponse",
     "Stop",
     "Trajectory",
+    "closed_loop_eigenvalues",
+    "control",
     "cycle",
     "cycle_average",
     "diagnose",
+    "floquet_exponents",
     "identify",
     "identify_arx",
     "identify_map",

@@ -9,6 +9,7 @@
 mod array;
 mod arx;
 mod conceal;
+mod control;
 mod cycle;
 mod diagnose;
 mod door;
@@ -33,6 +34,8 @@ mod _ltp {
     use crate::arx::{HeldOut, PeriodicArx, identify_arx};
     #[pymodule_export]
     use crate::conceal::conceal;
+    #[pymodule_export]
+    use crate::control::{Feedback, Objective, closed_loop_eigenvalues, exponents, harmonic_balance, periodic_lqr};
     #[pymodule_export]
     use crate::cycle::{LimitCycle, cycle};
     #[pymodule_export]

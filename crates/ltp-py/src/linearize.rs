@@ -33,6 +33,13 @@ pub fn linearize(py: Python<'_>, model: &Model, cycle: &LimitCycle) -> PyResult<
     Ok(LtpSystem { core: Arc::new(core) })
 }
 
+impl LtpSystem {
+    /// The system of the core.
+    pub fn core(&self) -> &Arc<periodic::LtpSystem> {
+        &self.core
+    }
+}
+
 #[pymethods]
 impl LtpSystem {
     /// Period T, s.

@@ -26,6 +26,7 @@ from ltp.closed_loop import (
     simulation_cost,
     track,
 )
+from ltp.control import Feedback, Objective, closed_loop_eigenvalues, control, floquet_exponents
 from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
@@ -77,6 +78,7 @@ __all__ = [
     "Effect",
     "Estimate",
     "Event",
+    "Feedback",
     "Fit",
     "FitRow",
     "Floquet",
@@ -91,6 +93,7 @@ __all__ = [
     "Location",
     "LtpSystem",
     "Model",
+    "Objective",
     "Other",
     "ParameterChange",
     "PeriodicArx",
@@ -112,10 +115,13 @@ __all__ = [
     "Transverse",
     "certify",
     "close",
+    "closed_loop_eigenvalues",
+    "control",
     "cycle",
     "cycle_average",
     "diagnose",
     "feedforward",
+    "floquet_exponents",
     "identify",
     "identify_arx",
     "identify_map",

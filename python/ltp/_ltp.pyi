@@ -12,6 +12,7 @@ __all__ = [
     "ConvergenceError",
     "Diagnosis",
     "ExperimentPlan",
+    "Feedback",
     "Floquet",
     "HeldOut",
     "Htf",
@@ -21,6 +22,7 @@ __all__ = [
     "Model",
     "Multisine",
     "NormalBand",
+    "Objective",
     "PeriodicArx",
     "Phase",
     "Recording",
@@ -28,6 +30,7 @@ __all__ = [
     "Transverse",
     "add_noise",
     "chirp",
+    "closed_loop_eigenvalues",
     "conceal",
     "cycle",
     "cycle_average",
@@ -35,12 +38,15 @@ __all__ = [
     "e_rms",
     "effect_names",
     "effect_text",
+    "exponents",
+    "harmonic_balance",
     "identify",
     "identify_arx",
     "identify_map",
     "linearize",
     "multisine_lines",
     "noise",
+    "periodic_lqr",
     "phase_from_events",
     "phase_shifted_chirps",
     "relative_rms",
@@ -536,6 +542,60 @@ class Transverse:
     def warnings(self) -> list[str]: ...
     def gain(self, period: float, gain: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]: ...
 
+
+@final
+class Feedback:
+    @staticmethod
+    def of_harmonics(period: float, harmonics: npt.NDArray[np.complex128]) -> Feedback: ...
+    @property
+    def period(self) -> float: ...
+    @property
+    def harmonics(self) -> npt.NDArray[np.complex128]: ...
+    def at(self, t: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def figures(self) -> list[tuple[str, float]]: ...
+    @property
+    def warnings(self) -> list[str]: ...
+
+@final
+class Objective:
+    def __new__(
+        cls, lin: LtpSystem, objective: str, modes: str, truncation: int, harmonics: Sequence[int]
+    ) -> Objective: ...
+    @property
+    def unknowns(self) -> int: ...
+    def at(self, x: npt.NDArray[np.float64]) -> tuple[float, npt.NDArray[np.float64]]: ...
+
+def harmonic_balance(
+    lin: LtpSystem,
+    variants: Sequence[LtpSystem],
+    *,
+    objective: str,
+    modes: str,
+    truncation: int,
+    harmonics: Sequence[int],
+    limit: float | None,
+    fastest: float | None,
+    slowest: float | None,
+    quadratic: Sequence[tuple[npt.NDArray[np.float64], float | None, float | None]],
+    damping: float | None,
+    imaginary: float | None,
+    start: Feedback | None,
+    search: str,
+    seed: int,
+    budget: int | None,
+) -> Feedback: ...
+def periodic_lqr(
+    lin: LtpSystem,
+    states: npt.NDArray[np.float64],
+    inputs: npt.NDArray[np.float64],
+    shift: float,
+    harmonics: Sequence[int] | None,
+) -> Feedback: ...
+def exponents(lin: LtpSystem, gain: Feedback) -> npt.NDArray[np.complex128]: ...
+def closed_loop_eigenvalues(lin: LtpSystem, gain: Feedback, truncation: int) -> npt.NDArray[np.complex128]: ...
 def cycle(
     model: Model,
     *,

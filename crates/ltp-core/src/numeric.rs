@@ -6,7 +6,8 @@
 //! random sequence ([`rng`]). [`fft`] decides how Fourier transforms are scaled, [`chirp_z`] takes their lines at any other
 //! spacing; [`smoother`] fits unknowns that bend little along an axis, [`penalised`] does the same through one [`banded`]
 //! system; [`fourier_series`] is a periodic signal, [`gauss`] carries collocation, [`eigen`] finds eigenvalues,
-//! [`eigenpairs`] their vectors too, and [`matrix_function`] is the logarithm and the exponential of a matrix.
+//! [`eigenpairs`] their vectors too, [`eigenpair`] those that an optimiser moves; [`matrix_function`] is the logarithm and
+//! the exponential of a matrix; [`minimise`] is for functions with kinks and several valleys.
 
 pub mod banded;
 pub mod chirp_z;

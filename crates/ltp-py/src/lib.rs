@@ -10,6 +10,7 @@ mod array;
 mod arx;
 mod closed_loop;
 mod conceal;
+mod control;
 mod cycle;
 mod diagnose;
 mod door;
@@ -38,6 +39,8 @@ mod _ltp {
     use crate::closed_loop::{SimulationCost, certify, close, track};
     #[pymodule_export]
     use crate::conceal::conceal;
+    #[pymodule_export]
+    use crate::control::{Feedback, Objective, closed_loop_eigenvalues, exponents, harmonic_balance, periodic_lqr};
     #[pymodule_export]
     use crate::cycle::{LimitCycle, cycle};
     #[pymodule_export]

@@ -58,6 +58,13 @@ pub fn linearize_along(py: Python<'_>, model: &Model, reference: &Reference) -> 
     Ok(LtpSystem { core: Arc::new(core) })
 }
 
+impl LtpSystem {
+    /// The system of the core.
+    pub fn core(&self) -> &Arc<periodic::LtpSystem> {
+        &self.core
+    }
+}
+
 #[pymethods]
 impl LtpSystem {
     /// A smooth system from `matrix(name, t)`, which gives "A", "B", "C" and "D", for (states, inputs, outputs).

@@ -1,4 +1,4 @@
-"""Owns the tests of linear time-periodic systems from Python: made, closed, lifted, decomposed and seen across an orbit."""
+"""Owns the tests of linear periodic systems from Python: made, closed, lifted, decomposed, seen across an orbit."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def example() -> ltp.LtpSystem:
 
 
 def lines_of_a_sine(system: ltp.LtpSystem, omega: float, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Angular frequencies and complex amplitudes of the settled output to `sin(omega t)`, over whole beats of 2 pi s."""
+    """Angular frequencies and complex amplitudes of the settled output to `sin(omega t)`, over a beat of 2 pi s."""
     per_beat = round(math.tau / step)
     settle = 20 * per_beat
     t = np.arange(settle + per_beat) * (math.tau / per_beat)

@@ -98,10 +98,16 @@ class LtpSystem:
     def lift(self, truncation: int) -> npt.NDArray[np.complex128]:
         """The matrix `A - N` of the harmonic state space, blocks -truncation to truncation, of order (2N+1) nx.
 
-        Raises `InputError` for a system with jumps, which has no Fourier series that converges.
+        Warns when it is too small for the harmonics of the matrices, saying which suffices. Raises `InputError` for a
+        system with jumps, which has no Fourier series that converges.
         """
         _check_harmonics("lift", truncation)
-        return self._core.lift(truncation)
+        matrix = self._core.lift(truncation)
+        try:
+            self._core.check_truncation(truncation)
+        except InputError as doubt:
+            warnings.warn(f"lift: {doubt}", stacklevel=2)
+        return matrix
 
     def lifted_htf(self, omega: npt.ArrayLike, harmonics: int, truncation: int) -> Htf:
         """As `htf`, by the harmonic state space truncated at `truncation`: a second route, for smooth systems."""

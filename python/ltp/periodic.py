@@ -1,4 +1,4 @@
-"""Owns what linear time-periodic systems are made from and taken apart into: gains, Floquet, lifted modes, transverse."""
+"""Owns what linear periodic systems are made from and taken apart into: gains, Floquet, lifted modes, transverse."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ class LiftedMode:
     """One eigenvalue of a truncated harmonic state space, held against the exact Floquet exponents.
 
     `value`, 1/s; `exponent` is the place of the nearest in `LtpSystem.exponents`, up to `copy` times `j w`, at
-    `distance`, 1/s; `edge` the share of the eigenvector in the outermost blocks, in [0, 1]. `converged`: it is a copy of
-    that exponent to five digits; if not, it is an artefact of the edge, and says nothing of stability.
+    `distance`, 1/s; `edge` the share of the eigenvector in the outermost blocks, in [0, 1]. `converged`: it is a copy
+    of that exponent to five digits; if not, it is an artefact of the edge, and says nothing of stability.
     """
 
     value: complex

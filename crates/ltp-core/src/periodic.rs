@@ -4,6 +4,9 @@
 //! recordings. [`LtpSystem`] is the state space it comes from, jumps included. Two routes lead from the one to the other: the
 //! periodic steady state ([`LtpSystem::htf`]), exact also through jumps, and the harmonic state space
 //! ([`LtpSystem::lifted_htf`]) of smooth systems, truncated.
+//!
+//! Read `smooth` for how a system is made from functions, `closed` for feedback around it, `exponents` and `floquet` for its
+//! free motion, `modes` and `pumping` for what a truncated lift can be trusted with, `transverse` for orbits without a clock.
 
 #[cfg(test)]
 mod cart_pendulum_tests;

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 /// Distance from the identity at which twelve quadrature nodes give the logarithm to rounding.
 const NEAR: f64 = 0.25;
 /// An imaginary part this small beside its eigenvalue is rounding: a negative real eigenvalue has the argument +pi.
-const REAL: f64 = 1e-11;
+const REAL: f64 = 1e-9;
 
 /// The principal logarithm of a matrix (n, n), row-major: eigenvalues with imaginary part in (-pi, pi].
 ///

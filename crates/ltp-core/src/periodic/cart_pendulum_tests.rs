@@ -110,4 +110,12 @@ fn the_bandwidth_says_which_truncation_suffices() {
     assert!(error.contains("truncation = 0: expected at least"), "{error}");
     assert!(system.lifted_modes(0).is_err() && system.check_truncation(2).is_ok(), "{found:?}");
     assert!(system.bandwidth(0.0).is_err());
+    let select = LtpSystem::smooth(system.period(), Size { ny: 1, ..system.size() }, |t, entry| match entry {
+        Entry::C => vec![1.0, 0.0, 0.0, 0.0],
+        Entry::D => vec![0.0],
+        _ => system.matrix(entry, t),
+    });
+    let select = select.expect("with an output");
+    let doubts = [0, 4].map(|n| select.lifted_htf(&[3.0], 0, n).expect("htf").warnings.len());
+    assert_eq!(doubts, [1, 0]);
 }

@@ -115,6 +115,8 @@ impl LtpSystem {
             }
         }
         let method = format!("harmonic state space, truncated at {truncation} harmonics");
-        Htf::new(self.period(), harmonics, omega.to_vec(), (ny, nu), values, &method)
+        let mut htf = Htf::new(self.period(), harmonics, omega.to_vec(), (ny, nu), values, &method)?;
+        htf.warnings.extend(self.check_truncation(truncation).err().map(|e| e.to_string()));
+        Ok(htf)
     }
 }

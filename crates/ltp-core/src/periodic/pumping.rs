@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::system::{Entry, LtpSystem, NODES, Segment};
 use crate::error::{Error, Result};
-use crate::numeric::Complex;
+use crate::numeric::{Complex, fft};
 
 /// Share of the largest coefficient of an entry below which a harmonic is rounding.
 const ROUNDING: f64 = 1e-10;
@@ -118,13 +118,19 @@ impl LtpSystem {
     fn present(&self, entry: Entry, share: f64) -> Vec<usize> {
         // A segment that is resolved by its nodes holds less than half as many oscillations.
         let highest = (NODES / 2 * self.segments().len()).min(HIGHEST);
-        let all = self.fourier(entry, highest);
-        let each = all[0].len();
-        let size = |k: usize| all.iter().map(|m: &Vec<Complex>| m[k].norm()).fold(0.0, f64::max);
-        let sizes: Vec<f64> = (0..each).map(size).collect();
+        let each = entry.len(self.size());
+        if each == 0 {
+            return Vec::new();
+        }
+        let n = (4 * highest).next_power_of_two();
+        let at = |i: usize| self.matrix(entry, self.start() + self.period() * i as f64 / n as f64);
+        let samples: Vec<f64> = (0..n).flat_map(at).collect();
+        let columns = (0..each).map(|k| samples.iter().skip(k).step_by(each).copied().collect::<Vec<_>>());
+        let lines: Vec<Vec<Complex>> = columns.map(|column| fft::forward(&column)).collect();
+        let sizes: Vec<f64> = lines.iter().map(|l| l.iter().map(|v| v.norm()).fold(0.0, f64::max)).collect();
         let floor = FLOOR * sizes.iter().fold(0.0_f64, |m, v| m.max(*v));
-        let there = |m: &Vec<Complex>| m.iter().zip(&sizes).any(|(v, s)| v.norm() > share * s.max(floor));
-        (1..=highest).filter(|k| there(&all[highest + k])).collect()
+        let there = |k: &usize| lines.iter().zip(&sizes).any(|(l, s)| l[*k].norm() > share * s.max(floor));
+        (1..=highest).filter(there).collect()
     }
 }
 

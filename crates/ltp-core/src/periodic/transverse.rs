@@ -209,9 +209,19 @@ struct Flow {
     period: f64,
     start: f64,
     gauss: Gauss,
-    /// Start and length of a part, transition to its start, and from there to its nodes.
-    parts: Vec<(f64, f64, DMatrix<f64>, Vec<DMatrix<f64>>)>,
+    parts: Vec<FlowPart>,
+    /// Transition over the period.
     whole: DMatrix<f64>,
+}
+
+/// One part of the period.
+struct FlowPart {
+    start: f64,
+    length: f64,
+    /// Transition from the start of the period to that of the part.
+    before: DMatrix<f64>,
+    /// Transitions from the start of the part to its nodes.
+    nodes: Vec<DMatrix<f64>>,
 }
 
 impl Flow {
@@ -223,7 +233,7 @@ impl Flow {
         for part in system.transitions()? {
             let nodes = part.nodes.chunks(nx * nx).map(matrix).collect();
             let end = matrix(&part.end) * &whole;
-            parts.push((part.start, part.length, whole, nodes));
+            parts.push(FlowPart { start: part.start, length: part.length, before: whole, nodes });
             whole = end;
         }
         Ok(Self { period: system.period(), start: system.start(), gauss: system.gauss().clone(), parts, whole })
@@ -231,8 +241,8 @@ impl Flow {
 
     fn at(&self, t: f64) -> DMatrix<f64> {
         let phase = self.start + (t - self.start).rem_euclid(self.period);
-        let k = self.parts.partition_point(|p| p.0 <= phase).saturating_sub(1);
-        let (start, length, before, nodes) = &self.parts[k];
+        let k = self.parts.partition_point(|p| p.start <= phase).saturating_sub(1);
+        let FlowPart { start, length, before, nodes } = &self.parts[k];
         let mut basis = [0.0; NODES];
         self.gauss.basis((phase - start) / length, &mut basis);
         let mut sum = DMatrix::<f64>::zeros(before.nrows(), before.nrows());

@@ -26,6 +26,7 @@ from ltp.closed_loop import (
     simulation_cost,
     track,
 )
+from ltp.control import Feedback, Objective, closed_loop_eigenvalues, control, floquet_exponents
 from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
@@ -44,6 +45,7 @@ from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
 from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
+from ltp.periodic import Floquet, LiftedMode, PeriodicGain, Transverse
 from ltp.recording import Recording
 from ltp.simulate import Event, Stop, Trajectory, simulate
 from ltp.unclocked import (
@@ -76,21 +78,26 @@ __all__ = [
     "Effect",
     "Estimate",
     "Event",
+    "Feedback",
     "Fit",
     "FitRow",
+    "Floquet",
     "HeldOut",
     "Htf",
     "InputError",
     "Jump",
     "Law",
     "Lifted",
+    "LiftedMode",
     "LimitCycle",
     "Location",
     "LtpSystem",
     "Model",
+    "Objective",
     "Other",
     "ParameterChange",
     "PeriodicArx",
+    "PeriodicGain",
     "Phase",
     "Ratio",
     "Recording",
@@ -105,12 +112,16 @@ __all__ = [
     "Stop",
     "Tracked",
     "Trajectory",
+    "Transverse",
     "certify",
     "close",
+    "closed_loop_eigenvalues",
+    "control",
     "cycle",
     "cycle_average",
     "diagnose",
     "feedforward",
+    "floquet_exponents",
     "identify",
     "identify_arx",
     "identify_map",

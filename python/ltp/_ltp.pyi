@@ -12,6 +12,8 @@ __all__ = [
     "ConvergenceError",
     "Diagnosis",
     "ExperimentPlan",
+    "Feedback",
+    "Floquet",
     "HeldOut",
     "Htf",
     "InputError",
@@ -20,12 +22,15 @@ __all__ = [
     "Model",
     "Multisine",
     "NormalBand",
+    "Objective",
     "PeriodicArx",
     "Phase",
     "Recording",
     "Trajectory",
+    "Transverse",
     "add_noise",
     "chirp",
+    "closed_loop_eigenvalues",
     "conceal",
     "cycle",
     "cycle_average",
@@ -33,12 +38,15 @@ __all__ = [
     "e_rms",
     "effect_names",
     "effect_text",
+    "exponents",
+    "harmonic_balance",
     "identify",
     "identify_arx",
     "identify_map",
     "linearize",
     "multisine_lines",
     "noise",
+    "periodic_lqr",
     "phase_from_events",
     "phase_shifted_chirps",
     "relative_rms",
@@ -391,6 +399,23 @@ class LimitCycle:
 
 @final
 class LtpSystem:
+    @staticmethod
+    def from_functions(
+        period: float, size: tuple[int, int, int], matrix: Callable[[str, float], npt.NDArray[np.float64]]
+    ) -> LtpSystem: ...
+    @staticmethod
+    def from_samples(
+        period: float, size: tuple[int, int, int], matrices: Sequence[npt.NDArray[np.float64]]
+    ) -> LtpSystem: ...
+    def closed(self, period: float, gain: npt.NDArray[np.complex128]) -> LtpSystem: ...
+    def exponents(self) -> npt.NDArray[np.complex128]: ...
+    def floquet(self) -> Floquet: ...
+    def lifted_modes(self, truncation: int) -> list[tuple[float, float, int, int, float, float, bool]]: ...
+    def pumping_divisor(self) -> int: ...
+    def shortened(self) -> LtpSystem: ...
+    def bandwidth(self, share: float) -> int: ...
+    def check_truncation(self, truncation: int) -> None: ...
+    def transverse(self, tangent: npt.NDArray[np.complex128] | None) -> Transverse: ...
     @property
     def period(self) -> float: ...
     @property
@@ -488,6 +513,89 @@ def track(
     deviation: npt.NDArray[np.float64],
 ) -> dict[str, Any]: ...
 def linearize_along(model: Model, reference: Reference) -> LtpSystem: ...
+
+@final
+class Floquet:
+    @property
+    def exponents(self) -> npt.NDArray[np.complex128]: ...
+    @property
+    def a_bar(self) -> npt.NDArray[np.complex128]: ...
+    def p(self, t: float) -> npt.NDArray[np.complex128]: ...
+    @property
+    def residual(self) -> float: ...
+    @property
+    def is_real(self) -> bool: ...
+    @property
+    def warnings(self) -> list[str]: ...
+
+@final
+class Transverse:
+    @property
+    def system(self) -> LtpSystem: ...
+    @property
+    def frame(self) -> npt.NDArray[np.complex128]: ...
+    @property
+    def tangent(self) -> npt.NDArray[np.complex128]: ...
+    @property
+    def defect(self) -> float: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    def gain(self, period: float, gain: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]: ...
+
+
+@final
+class Feedback:
+    @staticmethod
+    def of_harmonics(period: float, harmonics: npt.NDArray[np.complex128]) -> Feedback: ...
+    @property
+    def period(self) -> float: ...
+    @property
+    def harmonics(self) -> npt.NDArray[np.complex128]: ...
+    def at(self, t: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def figures(self) -> list[tuple[str, float]]: ...
+    @property
+    def warnings(self) -> list[str]: ...
+
+@final
+class Objective:
+    def __new__(
+        cls, lin: LtpSystem, objective: str, modes: str, truncation: int, harmonics: Sequence[int]
+    ) -> Objective: ...
+    @property
+    def unknowns(self) -> int: ...
+    def at(self, x: npt.NDArray[np.float64]) -> tuple[float, npt.NDArray[np.float64]]: ...
+
+def harmonic_balance(
+    lin: LtpSystem,
+    variants: Sequence[LtpSystem],
+    *,
+    objective: str,
+    modes: str,
+    truncation: int,
+    harmonics: Sequence[int],
+    limit: float | None,
+    fastest: float | None,
+    slowest: float | None,
+    quadratic: Sequence[tuple[npt.NDArray[np.float64], float | None, float | None]],
+    damping: float | None,
+    imaginary: float | None,
+    start: Feedback | None,
+    search: str,
+    seed: int,
+    budget: int | None,
+) -> Feedback: ...
+def periodic_lqr(
+    lin: LtpSystem,
+    states: npt.NDArray[np.float64],
+    inputs: npt.NDArray[np.float64],
+    shift: float,
+    harmonics: Sequence[int] | None,
+) -> Feedback: ...
+def exponents(lin: LtpSystem, gain: Feedback) -> npt.NDArray[np.complex128]: ...
+def closed_loop_eigenvalues(lin: LtpSystem, gain: Feedback, truncation: int) -> npt.NDArray[np.complex128]: ...
 def cycle(
     model: Model,
     *,

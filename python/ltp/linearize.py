@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -14,6 +15,17 @@ from ltp.cycle import LimitCycle
 from ltp.feedforward import Reference
 from ltp.htf import Htf
 from ltp.model import Model
+from ltp.periodic import (
+    Floquet,
+    Gain,
+    LiftedMode,
+    Matrix,
+    Transverse,
+    core_from_functions,
+    core_from_samples,
+    gain_coefficients,
+    tangent_coefficients,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -96,6 +108,101 @@ class LtpSystem:
         _check_harmonics("lifted_htf", harmonics)
         return Htf.wrap(self._core.lifted_htf(_vector("omega", omega), harmonics, truncation))
 
+    @classmethod
+    def from_functions(
+        cls, period: float, A: Matrix, B: Matrix | None = None, C: Matrix | None = None, D: Matrix | None = None
+    ) -> LtpSystem:
+        """A smooth system of `period` (s) from functions of time that give its matrices, or constants.
+
+        `A(t)` (nx, nx), `B(t)` (nx, nu), `C(t)` (ny, nx), `D(t)` (ny, nu); what is left out is zero, without inputs or
+        outputs. Raises `InputError` for functions that are not periodic, not smooth or not finite, and for shapes that
+        do not fit each other.
+        """
+        core, size = core_from_functions(period, {"A": A, "B": B, "C": C, "D": D})
+        return cls._named(core, *_numbered(size))
+
+    @classmethod
+    def from_samples(
+        cls,
+        period: float,
+        A: npt.ArrayLike,
+        B: npt.ArrayLike | None = None,
+        C: npt.ArrayLike | None = None,
+        D: npt.ArrayLike | None = None,
+    ) -> LtpSystem:
+        """A smooth system from even samples of its matrices over one `period` (s), (n, rows, columns), or constants.
+
+        The first sample stands at time zero. Warns when the samples are too few for what they show; raises `InputError`
+        as `from_functions` does.
+        """
+        core, size = core_from_samples(period, {"A": A, "B": B, "C": C, "D": D})
+        return cls._named(core, *_numbered(size))
+
+    @classmethod
+    def _named(
+        cls, core: _ltp.LtpSystem, states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
+    ) -> LtpSystem:
+        return cls(
+            period=core.period,
+            jumps=[Jump(*jump) for jump in core.jumps],
+            multipliers=core.multipliers,
+            monodromy=core.monodromy,
+            state_names=list(states),
+            input_names=list(inputs),
+            output_names=list(outputs),
+            _core=core,
+        )
+
+    @property
+    def exponents(self) -> npt.NDArray[np.complex128]:
+        """Floquet exponents (nx,), 1/s, largest real part first; accurate also for modes that a period extinguishes."""
+        return self._core.exponents()
+
+    def floquet(self) -> Floquet:
+        """The Floquet decomposition `x = P(t) z`, `z' = A_bar z`, of a smooth system."""
+        return Floquet.wrap(self._core.floquet())
+
+    def lifted_modes(self, truncation: int) -> list[LiftedMode]:
+        """Every eigenvalue of the truncated lift, largest real part first: copy of an exponent or artefact of the edge.
+
+        Raises `InputError` for a truncation that leaves out harmonics of the matrices, saying which suffices.
+        """
+        _check_harmonics("lifted_modes", truncation)
+        found = self._core.lifted_modes(truncation)
+        return [LiftedMode(complex(re, im), i, n, far, edge, yes) for re, im, i, n, far, edge, yes in found]
+
+    def pumping_divisor(self) -> int:
+        """How many times the matrices repeat within the period, to 1e-10: the true period is T divided by it."""
+        return self._core.pumping_divisor()
+
+    def shortened(self) -> LtpSystem:
+        """The same system over its true period."""
+        return self._named(self._core.shortened(), self.state_names, self.input_names, self.output_names)
+
+    def bandwidth(self, share: float = 1e-3) -> int:
+        """The highest harmonic of A and B above `share` of the largest of its entry; a lift of N holds up to 2N."""
+        return self._core.bandwidth(float(share))
+
+    def closed(self, gain: Gain | npt.ArrayLike) -> LtpSystem:
+        """The system under `u = -K(t) x + v`: an array (nu, nx), or a gain with `period` and `harmonics`."""
+        nu, nx = len(self.input_names), len(self.state_names)
+        core = self._core.closed(*gain_coefficients(gain, nu, nx, self.period))
+        return self._named(core, self.state_names, self.input_names, self.output_names)
+
+    def transverse(self, tangent: npt.ArrayLike | None = None) -> Transverse:
+        """The system across its orbit, without the phase: nx - 1 states in a periodic orthonormal frame.
+
+        tangent: the derivative of the orbit, (n, nx) even samples over one period from time zero. Without one, it is
+        the mode of the multiplier one, which an orbit without a clock has; `InputError` when there is none.
+        """
+        nx = len(self.state_names)
+        core = self._core.transverse(None if tangent is None else tangent_coefficients(tangent, nx))
+        states = [f"xi{i + 1}" for i in range(nx - 1)]
+        for message in core.warnings:
+            warnings.warn(message, stacklevel=2)
+        system = self._named(core.system, states, self.input_names, self.output_names)
+        return Transverse(system, self.period, core.defect, core.warnings, core)
+
     def __repr__(self) -> str:
         return (
             f"<ltp.LtpSystem period {self.period:g} s, {len(self.jumps)} jumps; states: {', '.join(self.state_names)}; "
@@ -130,16 +237,7 @@ def linearize(
             [model.inputs.index(name) for name in chosen_inputs],
             [model.outputs.index(name) for name in chosen_outputs],
         )
-    return LtpSystem(
-        period=core.period,
-        jumps=[Jump(*jump) for jump in core.jumps],
-        multipliers=core.multipliers,
-        monodromy=core.monodromy,
-        state_names=model.states,
-        input_names=chosen_inputs,
-        output_names=chosen_outputs,
-        _core=core,
-    )
+    return LtpSystem._named(core, model.states, chosen_inputs, chosen_outputs)
 
 
 def _chosen(kind: str, wanted: Sequence[str] | None, known: Sequence[str], model: Model) -> list[str]:
@@ -149,6 +247,10 @@ def _chosen(kind: str, wanted: Sequence[str] | None, known: Sequence[str], model
         if name not in known:
             raise InputError(f"linearize: {model.name!r} has no {kind} {name!r}; it has {', '.join(known) or 'none'}")
     return list(wanted)
+
+
+def _numbered(size: tuple[int, int, int]) -> list[list[str]]:
+    return [[f"{letter}{i + 1}" for i in range(count)] for letter, count in zip("xuy", size, strict=True)]
 
 
 def _check_harmonics(verb: str, harmonics: int) -> None:

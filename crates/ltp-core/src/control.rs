@@ -7,19 +7,28 @@
 //! [`LtpSystem`](crate::periodic::LtpSystem).
 
 mod closed;
+mod constraint;
+mod design;
+#[cfg(test)]
+mod design_tests;
 mod exact;
 mod feedback;
 pub mod law;
 mod lifted;
 #[cfg(test)]
 mod lifted_tests;
+mod redheffer;
+mod riccati;
 mod spectrum;
 #[cfg(test)]
 mod testing;
 
-pub use closed::exponents;
+pub use closed::{exponents, lifted_eigenvalues};
+pub use constraint::{Damping, Quadratic};
+pub use design::{Measure, Options, Search, harmonic_balance};
 pub use exact::{Exact, STEPS};
 pub use feedback::Feedback;
 pub use law::Law;
 pub use lifted::Lifted;
+pub use riccati::{Weights, periodic_lqr};
 pub use spectrum::{Mode, Objective, Spectrum};

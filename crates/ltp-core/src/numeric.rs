@@ -5,17 +5,21 @@
 //! interpolation ([`spline`]), bracketed roots ([`root`]), a Runge-Kutta method as data ([`tableau`]) and a reproducible
 //! random sequence ([`rng`]). [`fft`] decides how Fourier transforms are scaled, [`chirp_z`] takes their lines at any other
 //! spacing; [`smoother`] fits unknowns that bend little along an axis, [`penalised`] does the same through one [`banded`]
-//! system; [`fourier_series`] is a periodic signal, [`gauss`] carries collocation, [`eigen`] finds eigenvalues.
+//! system; [`fourier_series`] is a periodic signal, [`gauss`] carries collocation, [`eigen`] finds eigenvalues,
+//! [`eigenpairs`] their vectors too, [`eigenpair`] those that an optimiser moves; [`matrix_function`] is the logarithm and
+//! the exponential of a matrix; [`minimise`] is for functions with kinks and several valleys.
 
 pub mod banded;
 pub mod chirp_z;
 pub mod eigen;
+pub mod eigenpairs;
 pub mod eigenpair;
 pub mod fft;
 pub mod folded;
 pub mod fourier_series;
 pub mod gauss;
 pub mod lsq;
+pub mod matrix_function;
 pub mod minimise;
 pub mod penalised;
 pub mod quartic;

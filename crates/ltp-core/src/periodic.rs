@@ -5,15 +5,29 @@
 //! periodic steady state ([`LtpSystem::htf`]), exact also through jumps, and the harmonic state space
 //! ([`LtpSystem::lifted_htf`]) of smooth systems, truncated.
 
+#[cfg(test)]
+mod cart_pendulum_tests;
+mod closed;
 mod exact;
+mod exponents;
+mod floquet;
 mod harmonic;
 pub mod htf;
+mod modes;
 mod predict;
 mod propagate;
+mod pumping;
 mod select;
 mod simulate;
+mod smooth;
 pub mod system;
+mod transverse;
+#[cfg(test)]
+mod transverse_tests;
 
+pub use floquet::Floquet;
 pub use htf::Htf;
+pub use modes::{CONVERGED, LiftedMode};
 pub use predict::Prediction;
 pub use system::{Entry, Jump, LtpSystem, Segment, Size};
+pub use transverse::Transverse;

@@ -10,6 +10,7 @@ mod array;
 mod arx;
 mod closed_loop;
 mod conceal;
+mod control;
 mod cycle;
 mod diagnose;
 mod door;
@@ -21,6 +22,7 @@ mod interrupt;
 mod kernels;
 mod linearize;
 mod model;
+mod periodic;
 mod recording;
 mod section;
 mod signals;
@@ -37,6 +39,8 @@ mod _ltp {
     use crate::closed_loop::{SimulationCost, certify, close, track};
     #[pymodule_export]
     use crate::conceal::conceal;
+    #[pymodule_export]
+    use crate::control::{Feedback, Objective, closed_loop_eigenvalues, exponents, harmonic_balance, periodic_lqr};
     #[pymodule_export]
     use crate::cycle::{LimitCycle, cycle};
     #[pymodule_export]
@@ -55,6 +59,8 @@ mod _ltp {
     use crate::linearize::{LtpSystem, linearize, linearize_along};
     #[pymodule_export]
     use crate::model::{Model, effect_names, effect_text, unit_factor, zoo_names, zoo_text};
+    #[pymodule_export]
+    use crate::periodic::{Floquet, Transverse};
     #[pymodule_export]
     use crate::recording::Recording;
     #[pymodule_export]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from ltp.reproduce.cart_pendulum import cart_pendulum
 from ltp.reproduce.hopper import hopper
-from ltp.reproduce.result import Chapter, Picture, Reproduction, Row
+from ltp.reproduce.result import Chapter, Picture, Reproduction, Row, Table
 
-__all__ = ["Chapter", "Picture", "Reproduction", "Row", "hopper"]
+__all__ = ["Chapter", "Picture", "Reproduction", "Row", "Table", "cart_pendulum", "hopper"]

@@ -7,23 +7,32 @@ harmonic transfer functions", Trans. Inst. Meas. Control, 2015, doi 10.1177/0142
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable
-from dataclasses import replace
 
-from ltp.reproduce import better, cost, exact, limit_cycle, noise, published
-from ltp.reproduce.page import prepare, write
+from ltp.reproduce.page import Front
 from ltp.reproduce.result import Chapter, Reproduction
-from ltp.reproduce.rig import Progress, Rig
+from ltp.reproduce.uyanik import better, cost, exact, limit_cycle, noise, published
+from ltp.reproduce.uyanik.rig import Rig
+from ltp.reproduce.work import Progress, Work
 
-#: In the order of the page; the share of the whole that each takes is for the progress bar.
-CHAPTERS: tuple[tuple[str, Callable[[Rig], Chapter]], ...] = (
-    ("limit cycle", limit_cycle.chapter),
-    ("exact functions", exact.chapter),
-    ("the paper's procedure", published.chapter),
-    ("better estimates", better.chapter),
-    ("noise", noise.chapter),
-    ("cost", cost.chapter),
+WORK = Work[Rig](
+    Front(
+        page="hopper.html",
+        title="The vertical hopper, reproduced",
+        lead="Uyanik, Ankarali, Cowan, Saranli and Morgul (2015) identified a hopping robot model from recordings, and "
+        "called its exact harmonic transfer functions out of reach. This page prints their figures beside those of "
+        "ltp, and beside the exact ones, which no estimate with as many harmonics can beat.",
+        facts="Errors are those of equation (20), in percent: test sines have 0.1 N, steps 0.01 N, both settled for "
+        "100 periods and compared over 100 more.",
+    ),
+    (
+        ("limit cycle", limit_cycle.chapter),
+        ("exact functions", exact.chapter),
+        ("the paper's procedure", published.chapter),
+        ("better estimates", better.chapter),
+        ("noise", noise.chapter),
+        ("cost", cost.chapter),
+    ),
 )
 
 
@@ -42,18 +51,4 @@ def hopper(
 
     Nothing random is left: noise has its seeds. Raises `InputError` when `out` cannot be written to.
     """
-    folder = None if out is None else prepare(out)
-    began = time.perf_counter()
-    rig = Rig(quick, progress)
-    chapters: list[Chapter] = []
-    for number, (words, make) in enumerate(CHAPTERS):
-        rig.tell(words, number / len(CHAPTERS))
-        start = time.perf_counter()
-        made = make(rig)
-        chapters.append(replace(made, seconds=time.perf_counter() - start))
-        if say is not None:
-            say(chapters[-1])
-    if folder is not None:
-        rig.tell("figures", 1.0)
-        write(folder, Reproduction(chapters, time.perf_counter() - began))
-    return Reproduction(chapters, time.perf_counter() - began)
+    return WORK.perform(Rig(quick, progress), out, progress, say)

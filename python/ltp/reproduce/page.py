@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -17,11 +18,20 @@ from ltp.plots.style import styled
 from ltp.report.markup import escape, figure, paragraph, table
 from ltp.reproduce.result import HEAD, NONE, Chapter, Reproduction
 
-NAME = "hopper.html"
 _DPI = 130
 
 
-def prepare(out: str | os.PathLike[str]) -> Path:
+@dataclass(frozen=True)
+class Front:
+    """What stands before the chapters: file name and title of the page, and two paragraphs."""
+
+    page: str
+    title: str
+    lead: str
+    facts: str
+
+
+def prepare(out: str | os.PathLike[str], front: Front) -> Path:
     """The folder, made if it is not there, so that a long computation does not end without a place for its page.
 
     Raises `InputError` when it cannot be made or written to.
@@ -32,11 +42,11 @@ def prepare(out: str | os.PathLike[str]) -> Path:
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(f"{folder}: cannot make this folder, {reason}; choose another one") from error
-    check_writable(folder / NAME)
+    check_writable(folder / front.page)
     return folder
 
 
-def write(folder: Path, done: Reproduction) -> Path:
+def write(folder: Path, front: Front, done: Reproduction) -> Path:
     """Write the page and its figures into the folder, each whole or not at all; returns the path of the page."""
     sections: list[str] = []
     for index, chapter in enumerate(done.chapters):
@@ -47,14 +57,13 @@ def write(folder: Path, done: Reproduction) -> Path:
             drawn.append(figure(drawing, f"f{len(sections)}-{picture.name}", picture.caption, picture.caption))
         sections.append(_section(index, chapter, drawn))
     resources = files("ltp.report")
-    title = "The vertical hopper, reproduced"
     text = Template(resources.joinpath("page.html").read_text(encoding="utf-8")).substitute(
-        title=title,
+        title=front.title,
         css=resources.joinpath("page.css").read_text(encoding="utf-8"),
-        headline=_headline(title, done),
+        headline=_headline(front, done),
         sections="\n".join(sections),
     )
-    return write_text(folder / NAME, text)
+    return write_text(folder / front.page, text)
 
 
 @styled
@@ -65,21 +74,15 @@ def png(drawing: Figure) -> bytes:
     return stream.getvalue()
 
 
-def _headline(title: str, done: Reproduction) -> str:
+def _headline(front: Front, done: Reproduction) -> str:
     barred = [row for row in done.rows if row.passed is not None]
     missed = len(done.missed)
     state = "consistent" if done.passed else "unknown"
     verdict = f"{len(barred) - missed} of {len(barred)} figures lie within their bounds"
     return (
-        f'<header class="verdict-{state}">\n<p class="verdict">{escape(verdict)}</p>\n<h1>{escape(title)}</h1>\n'
-        + paragraph(
-            "Uyanik, Ankarali, Cowan, Saranli and Morgul (2015) identified a hopping robot model from recordings, and "
-            "called its exact harmonic transfer functions out of reach. This page prints their figures beside those of "
-            "ltp, and beside the exact ones, which no estimate with as many harmonics can beat."
-        )
-        + f'<p class="facts">{done.seconds:.0f} s in all, drawing aside. Errors are those of equation (20), '
-        "in percent: test sines have 0.1 N, steps 0.01 N, both settled for 100 periods and compared over 100 more."
-        "</p>\n</header>"
+        f'<header class="verdict-{state}">\n<p class="verdict">{escape(verdict)}</p>\n<h1>{escape(front.title)}</h1>\n'
+        + paragraph(front.lead)
+        + f'<p class="facts">{done.seconds:.0f} s in all, drawing aside. {escape(front.facts)}</p>\n</header>'
     )
 
 
@@ -96,6 +99,7 @@ def _section(index: int, chapter: Chapter, drawn: list[str]) -> str:
         f'<section aria-labelledby="c{index}">\n<h2 id="c{index}">{escape(chapter.title)}</h2>',
         paragraph(chapter.sentence),
         table([cell or "figure" for cell in HEAD], rows),
+        *(f"<h3>{escape(each.title)}</h3>\n" + table(each.head, each.cells) for each in chapter.tables),
         *drawn,
         *(paragraph(note) for note in chapter.notes),
         f'<p class="facts">{chapter.seconds:.1f} s</p>\n</section>',

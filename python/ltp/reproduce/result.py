@@ -72,6 +72,18 @@ HEAD = ["", "paper", "ours", "exact", "bar", "kept"]
 
 
 @dataclass(frozen=True)
+class Table:
+    """Printed numbers beside ours, cell by cell, where rows with a bar each would hide the pattern.
+
+    head: what stands above the columns; cells: (rows, columns) of texts.
+    """
+
+    title: str
+    head: Sequence[str]
+    cells: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
 class Picture:
     """A figure that is drawn when it is wanted: a file name without suffix, a caption, and how it is drawn."""
 
@@ -82,13 +94,14 @@ class Picture:
 
 @dataclass(frozen=True)
 class Chapter:
-    """Rows and pictures that belong together; `sentence` says what is seen, `notes` what has to be kept in mind."""
+    """Rows, tables and pictures that belong together; `sentence` says what is seen, `notes` what to keep in mind."""
 
     title: str
     sentence: str
     rows: Sequence[Row]
     pictures: Sequence[Picture] = ()
     notes: Sequence[str] = ()
+    tables: Sequence[Table] = ()
     seconds: float = math.nan
 
 
@@ -126,6 +139,7 @@ class Reproduction:
                     "seconds": chapter.seconds,
                     "notes": list(chapter.notes),
                     "rows": [row.tree() for row in chapter.rows],
+                    "tables": [vars(table) for table in chapter.tables],
                 }
                 for chapter in self.chapters
             ],

@@ -155,6 +155,31 @@ impl Exact {
         true
     }
 
+    /// Exponents of the open loop, and how far the inputs reach each mode: rms over the period of `|y^T B|`, relative to `|y|
+    /// |B|`.
+    ///
+    /// # Errors
+    /// As [`Exact::modes`].
+    pub fn reach(&self) -> Result<Vec<(Complex, f64)>> {
+        let Law { nu, nx, .. } = self.law;
+        let mut spectrum = Spectrum::default();
+        self.modes(&vec![0.0; self.law.unknowns()], &mut spectrum)?;
+        let of_one = |mode: &Mode| {
+            let pair = spectrum.pairs[0].vectors((mode.value * self.length).exp());
+            let (mut y, mut moved, mut most) = (pair.left, 0.0, 0.0);
+            for (i, step) in spectrum.matrix.chunks_exact(nx * nx).enumerate().rev() {
+                y = (0..nx).map(|c| (0..nx).map(|r| y[r] * step[r * nx + c]).sum()).collect();
+                let b = &self.b_start[i * nx * nu..(i + 1) * nx * nu];
+                let size: f64 = y.iter().map(Complex::norm_sqr).sum();
+                let push = |u: usize| (0..nx).map(|r| y[r] * b[r * nu + u]).sum::<Complex>().norm_sqr();
+                moved += (0..nu).map(push).sum::<f64>() / size;
+                most += b.iter().map(|b| b * b).sum::<f64>();
+            }
+            (mode.value, if most > 0.0 { (moved / most).sqrt() } else { 0.0 })
+        };
+        Ok(spectrum.modes.iter().map(of_one).collect())
+    }
+
     /// Transition matrices of all steps into `spectrum.matrix` (steps, nx, nx), their product into `spectrum.gain` (nx, nx).
     fn propagate<const N: usize>(&self, x: &[f64], spectrum: &mut Spectrum) {
         let Law { nu, nx, .. } = self.law;

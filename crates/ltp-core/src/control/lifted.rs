@@ -106,11 +106,16 @@ impl Lifted {
         for (k, class) in self.classes.iter().enumerate() {
             class.close(x, &self.law, &mut spectrum.gain, &mut spectrum.matrix);
             let order = class.blocks * self.law.nx;
-            for &value in spectrum.pairs[k].values(&spectrum.matrix, order)? {
-                let central = k == 0 && value.im.abs() <= self.strip;
-                spectrum.modes.push(Mode { value, class: k, central });
-            }
+            let values = spectrum.pairs[k].values(&spectrum.matrix, order)?;
+            spectrum.modes.extend(values.iter().map(|&value| Mode { value, class: k, central: false }));
         }
+        // One copy of each exponent stands in the strip; where the cut of the lift has moved one out of it on both sides, the
+        // nearest to the strip stand for it.
+        let middle = &mut spectrum.modes[..self.classes[0].blocks * self.law.nx];
+        let mut distances: Vec<f64> = middle.iter().map(|m| m.value.im.abs()).collect();
+        distances.sort_by(f64::total_cmp);
+        let width = self.strip.max(distances[self.law.nx - 1] * (1.0 + 1e-9));
+        middle.iter_mut().for_each(|m| m.central = m.value.im.abs() <= width);
         Ok(())
     }
 

@@ -26,12 +26,12 @@ pub struct Eigenpairs {
     values: Vec<Complex>,
 }
 
-/// One eigenvalue with its vectors: `A x = lambda x`, `y^T A = lambda y^T`, `y^T x = 1` (without conjugation).
+/// The vectors of one eigenvalue: `A x = lambda x`, `y^T A = lambda y^T` (without conjugation).
 #[derive(Clone, Debug, Default)]
 pub struct Pair {
     /// Right eigenvector (n).
     pub right: Vec<Complex>,
-    /// Left eigenvector (n), scaled so that `y^T x = 1`.
+    /// Left eigenvector (n).
     pub left: Vec<Complex>,
 }
 
@@ -55,9 +55,20 @@ impl Eigenpairs {
         Ok(&self.values)
     }
 
-    /// Both eigenvectors of the eigenvalue `value` of the last matrix, by inverse iteration. Of a multiple eigenvalue, one
+    /// Both eigenvectors of the eigenvalue `value` of the last matrix, scaled to `y^T x = 1`. Of a multiple eigenvalue, one
     /// pair; `None` for a defective one, whose derivative does not exist.
     pub fn pair(&self, value: Complex) -> Option<Pair> {
+        let Pair { right, mut left } = self.vectors(value);
+        let dot: Complex = left.iter().zip(&right).map(|(y, x)| y * x).sum();
+        if !(dot.norm() > 1e-14) {
+            return None;
+        }
+        left.iter_mut().for_each(|y| *y /= dot);
+        Some(Pair { right, left })
+    }
+
+    /// Both eigenvectors by inverse iteration, each scaled to a largest entry near one.
+    pub fn vectors(&self, value: Complex) -> Pair {
         let n = self.n;
         let size = self.form.iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(f64::MIN_POSITIVE);
         let mut shifted: Vec<Complex> = self.form.iter().map(|&v| Complex::from(v)).collect();
@@ -119,12 +130,7 @@ impl Eigenpairs {
         }
         self.turn_back(&mut right);
         self.turn_back(&mut left);
-        let dot: Complex = left.iter().zip(&right).map(|(y, x)| y * x).sum();
-        if !(dot.norm() > 1e-14) {
-            return None;
-        }
-        left.iter_mut().for_each(|y| *y /= dot);
-        Some(Pair { right, left })
+        Pair { right, left }
     }
 
     /// Householder reduction to Hessenberg form.

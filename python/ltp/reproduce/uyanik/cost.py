@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import time
 
-from ltp.reproduce.better import floquet
-from ltp.reproduce.published import USUAL
 from ltp.reproduce.result import Chapter, Row
-from ltp.reproduce.rig import Rig
+from ltp.reproduce.uyanik.better import floquet
+from ltp.reproduce.uyanik.published import USUAL
+from ltp.reproduce.uyanik.rig import Rig
 
 
 def chapter(rig: Rig) -> Chapter:

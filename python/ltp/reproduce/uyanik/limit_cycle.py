@@ -6,7 +6,7 @@ import numpy as np
 
 import ltp
 from ltp.reproduce.result import Chapter, Picture, Row
-from ltp.reproduce.rig import DT, Rig
+from ltp.reproduce.uyanik.rig import DT, Rig
 
 #: Phases of liftoff and touchdown, real and imaginary part of the leading multiplier: Newton on closed-form flows.
 PRINTED = (0.024890445, 0.825119006, 0.160353154, 0.832614057)

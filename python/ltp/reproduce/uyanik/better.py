@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 
 import ltp
 from ltp.plots.sweep import Line, Panel, sweep
-from ltp.reproduce.published import siddiqi
 from ltp.reproduce.result import Chapter, Picture, Row
-from ltp.reproduce.rig import MARGIN, Record, Rig
+from ltp.reproduce.uyanik.published import siddiqi
+from ltp.reproduce.uyanik.rig import MARGIN, Record, Rig
 
 TAILS_HZ = 45.0  # the jumps between chirps have power up to here, and what it does has to be explained
 

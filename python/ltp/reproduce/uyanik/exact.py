@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from ltp import metrics
 from ltp.plots.responses import Predicted, Response, responses
 from ltp.reproduce.result import Chapter, Picture, Row
-from ltp.reproduce.rig import DT, MOST_HARMONICS, STEP, Rig
+from ltp.reproduce.uyanik.rig import DT, MOST_HARMONICS, STEP, Rig
 
 SMALL = 1e-4  # N: at this amplitude the hopper is linear to 2e-5
 

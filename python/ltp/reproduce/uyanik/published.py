@@ -11,7 +11,7 @@ import ltp
 from ltp.plots.responses import Predicted, Response, responses
 from ltp.plots.sweep import Line, Panel, Point, sweep
 from ltp.reproduce.result import Chapter, Picture, Row
-from ltp.reproduce.rig import MARGIN, STEP, Record, Rig, predicted
+from ltp.reproduce.uyanik.rig import MARGIN, STEP, Record, Rig, predicted
 
 TO_ZERO = 1e-6  # smoothness that stands for none at all: what the data leave open is still decided
 USUAL = 10.0  # smoothness in the region that cross-validation picks for these records

@@ -13,10 +13,10 @@ import ltp
 from ltp import signals
 from ltp.plots.htf import RADIUS_95
 from ltp.plots.sweep import Line, Panel, sweep
-from ltp.reproduce.better import floquet
-from ltp.reproduce.published import siddiqi
 from ltp.reproduce.result import Chapter, Picture, Row
-from ltp.reproduce.rig import Array, Record, Rig
+from ltp.reproduce.uyanik.better import floquet
+from ltp.reproduce.uyanik.published import siddiqi
+from ltp.reproduce.uyanik.rig import Array, Record, Rig
 
 SNR = 12.5  # (rms of the signal over rms of the noise)^2, on input and output, white at the sampling of 1 kHz
 SIDDIQI = 1e3  # smoothness that cross-validation picks with this noise

@@ -230,8 +230,8 @@ fn several_inputs_are_closed_and_the_others_stay_free() {
     let text = r#"
         name = "three pushes"
         [states]
-        a = 0.0
-        b = 0.0
+        a = { value = 0.0 }
+        b = { value = 0.0 }
         [inputs]
         one = {}
         two = {}

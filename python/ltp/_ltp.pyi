@@ -26,10 +26,14 @@ __all__ = [
     "PeriodicArx",
     "Phase",
     "Recording",
+    "Reference",
+    "SimulationCost",
     "Trajectory",
     "Transverse",
     "add_noise",
+    "certify",
     "chirp",
+    "close",
     "closed_loop_eigenvalues",
     "conceal",
     "cycle",
@@ -39,11 +43,13 @@ __all__ = [
     "effect_names",
     "effect_text",
     "exponents",
+    "feedforward",
     "harmonic_balance",
     "identify",
     "identify_arx",
     "identify_map",
     "linearize",
+    "linearize_along",
     "multisine_lines",
     "noise",
     "periodic_lqr",
@@ -58,6 +64,7 @@ __all__ = [
     "smooth",
     "step",
     "switch_events",
+    "track",
     "unit_factor",
     "zoo_names",
     "zoo_text",
@@ -541,7 +548,6 @@ class Transverse:
     @property
     def warnings(self) -> list[str]: ...
     def gain(self, period: float, gain: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]: ...
-
 
 @final
 class Feedback:

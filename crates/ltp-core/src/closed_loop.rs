@@ -8,7 +8,6 @@ pub mod certify;
 pub mod close;
 pub mod cost;
 pub mod design;
-mod exponents;
 mod orbit;
 mod run;
 mod spread;

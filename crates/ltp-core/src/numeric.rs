@@ -12,8 +12,8 @@
 pub mod banded;
 pub mod chirp_z;
 pub mod eigen;
-pub mod eigenpairs;
 pub mod eigenpair;
+pub mod eigenpairs;
 pub mod fft;
 pub mod folded;
 pub mod fourier_series;

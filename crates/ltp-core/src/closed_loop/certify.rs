@@ -7,8 +7,7 @@
 use rayon::prelude::*;
 
 use super::close::{check, close};
-use super::exponents::{exponents, slowest};
-use super::orbit::Orbit;
+use super::orbit::{Orbit, slowest};
 use super::run::{Loop, Run};
 use super::spread::Spread;
 use super::verdict::Verdict;
@@ -124,7 +123,7 @@ pub fn certify(model: &Model, reference: &Reference, gain: &FourierSeries, optio
     let p = system.parameters().to_vec();
     let open = along(&plant, &p, plant.initial_mode(), &reference.states, &reference.inputs)?;
     let closed = linear(&system, reference)?;
-    let exact = exponents(&closed)?;
+    let exact = closed.exponents()?;
     let lifted = [options.truncation, 2 * options.truncation];
     let lifted = lifted.into_iter().map(|n| lift(&closed, n, &exact)).collect::<Result<Vec<_>>>()?;
     let start = reference.states.value(0.0);
@@ -146,7 +145,7 @@ pub fn certify(model: &Model, reference: &Reference, gain: &FourierSeries, optio
     let spread = (!options.spread.is_empty()).then(|| Spread::of(&system, &p, reference, &near, &options.spread));
     let mut out = Certificate {
         defect: reference.defect.clone(),
-        open: exponents(&open)?,
+        open: open.exponents()?,
         exponents: exact,
         lifted,
         orbit,

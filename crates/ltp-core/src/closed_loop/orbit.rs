@@ -1,6 +1,5 @@
 //! The periodic orbit that a closed loop really has, near the reference it was given.
 
-use super::exponents::{exponents, of_multipliers, slowest};
 use super::run::shares;
 use crate::cycle::{self, cycle};
 use crate::error::Result;
@@ -52,7 +51,7 @@ impl Orbit {
         }
         let exponents = if found.events.is_empty() {
             let rest = FourierSeries::constant(reference.period(), &vec![0.0; system.inputs().max(1)])?;
-            exponents(&along(system, p, found.mode, &states, &rest)?)?
+            along(system, p, found.mode, &states, &rest)?.exponents()?
         } else {
             of_multipliers(&found.multipliers, found.period)
         };
@@ -63,4 +62,17 @@ impl Orbit {
     pub fn slowest(&self) -> f64 {
         slowest(&self.exponents)
     }
+}
+
+/// Exponents of multipliers, 1/s, largest real part first: through events, where the linear system knows no more.
+fn of_multipliers(multipliers: &[Complex], period: f64) -> Vec<Complex> {
+    let exponent = |m: &Complex| Complex::new(m.norm().max(f64::MIN_POSITIVE).ln(), m.arg()) / period;
+    let mut all: Vec<Complex> = multipliers.iter().map(exponent).collect();
+    all.sort_by(|a, b| b.re.total_cmp(&a.re).then(b.im.total_cmp(&a.im)));
+    all
+}
+
+/// Largest real part.
+pub(super) fn slowest(values: &[Complex]) -> f64 {
+    values.iter().fold(f64::NEG_INFINITY, |m, v| m.max(v.re))
 }

@@ -226,6 +226,40 @@ fn a_periodic_gain_closes_as_it_is_written() {
 }
 
 #[test]
+fn several_inputs_are_closed_and_the_others_stay_free() {
+    let text = r#"
+        name = "three pushes"
+        [states]
+        a = { value = 0.0 }
+        b = { value = 0.0 }
+        [inputs]
+        one = {}
+        two = {}
+        three = {}
+        [flow]
+        a = "b + one"
+        b = "-a + 2*two + three*a"
+        [outputs]
+        a = "a"
+    "#;
+    let model = Model::from_toml(text, "test").expect("a model");
+    let states = FourierSeries::constant(1.0, &[0.5, -0.25]).expect("states");
+    let inputs = FourierSeries::constant(1.0, &[0.1, 0.0, 0.0]).expect("inputs");
+    let system = model.compile();
+    let reference = Reference::new(&system, system.parameters(), 0, states, inputs).expect("a reference");
+    let gain = FourierSeries::constant(1.0, &[0.0, 0.0, 3.0, 4.0, 0.0, 0.0]).expect("a gain");
+    let closed = close(&model, &reference, &gain).expect("a loop");
+    assert_eq!(closed.inputs(), ["three"]);
+    assert_eq!(closed.outputs(), ["a", "input one", "input two"]);
+    let system = closed.compile();
+    let mut rates = [0.0; 2];
+    let at = crate::model::Point { t: 0.3, x: &[1.0, 2.0], u: &[0.7], p: system.parameters() };
+    system.flow(0, at, &mut rates);
+    near(rates[0], 2.0 + 0.1, 1e-14);
+    near(rates[1], -1.0 + 2.0 * -(3.0 * 0.5 + 4.0 * 2.25) + 0.7, 1e-13);
+}
+
+#[test]
 fn what_does_not_fit_is_refused() {
     let (model, reference) = (inverted(), true_up());
     let three = FourierSeries::constant(0.2, &[1.0; 3]).expect("a gain");

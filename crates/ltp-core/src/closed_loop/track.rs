@@ -85,8 +85,8 @@ pub fn track(model: &Model, stages: &[Stage], deviation: &[f64]) -> Result<Track
         let p = system.parameters().to_vec();
         let rest = FourierSeries::constant(period, &vec![0.0; system.inputs().max(1)])?;
         let linear = along(&system, &p, system.initial_mode(), &reference.states, &rest)?;
-        let rate = |m: &crate::numeric::Complex| m.norm().max(f64::MIN_POSITIVE).ln().abs() / period;
-        let fastest = linear.multipliers().iter().map(rate).fold(std::f64::consts::TAU / period, f64::max);
+        let rates = linear.exponents()?;
+        let fastest = rates.iter().fold(linear.pumping(), |m, e| m.max(e.norm()));
         let mut plan = Plan::new(dt, dt)?.from(&x);
         (plan.t0, plan.samples, plan.substeps) = (from, count + 1, substeps(dt, fastest));
         let run = simulate(&system, &p, &Inputs::constant(&vec![0.0; system.inputs()]), &plan)?;

@@ -3,8 +3,7 @@
 use std::fmt;
 
 use super::certify::Certificate;
-use super::exponents::slowest;
-use super::orbit::Orbit;
+use super::orbit::{Orbit, slowest};
 use crate::model::Model;
 
 /// Defect of a reference beyond which it is no orbit.

@@ -161,11 +161,7 @@ pub fn periodic_lqr(
 
 /// Exact Floquet exponents of the closed loop (nx,), largest real part first.
 #[pyfunction]
-pub fn exponents<'py>(
-    py: Python<'py>,
-    lin: &LtpSystem,
-    gain: &Feedback,
-) -> PyResult<Bound<'py, PyArray1<Complex>>> {
+pub fn exponents<'py>(py: Python<'py>, lin: &LtpSystem, gain: &Feedback) -> PyResult<Bound<'py, PyArray1<Complex>>> {
     Ok(door::short(py, || core::exponents(lin.core(), &gain.core.gain))?.into_pyarray(py))
 }
 

@@ -119,9 +119,8 @@ impl Constraint {
 
 /// `sqrt(sum_u K_u Q K_u^T / bound)`, its gradient times `sign` added.
 fn root(weight: &[f64], bound: f64, x: &[f64], (nu, nx): (usize, usize), sign: f64, gradient: &mut [f64]) -> f64 {
-    let turned: Vec<f64> = (0..nu * nx)
-        .map(|k| (0..nx).map(|c| weight[k % nx * nx + c] * x[k / nx * nx + c]).sum())
-        .collect();
+    let turned: Vec<f64> =
+        (0..nu * nx).map(|k| (0..nx).map(|c| weight[k % nx * nx + c] * x[k / nx * nx + c]).sum()).collect();
     let form: f64 = turned.iter().zip(x).map(|(a, b)| a * b).sum::<f64>().max(0.0);
     let root = (form / bound).sqrt();
     if root > 0.0 {

@@ -158,8 +158,7 @@ fn everywhere(design: &Design, scale: &[f64], start: Option<Vec<f64>>, seed: u64
         let norm = best.x.iter().map(|x| x * x).sum::<f64>().sqrt() / (best.x.len() as f64).sqrt();
         // half of them each number by its own size, half all by the same
         let mut shake = |x: &f64, k: usize| x + size * random.normal() * if k % 2 == 0 { x.abs() } else { norm };
-        let starts: Vec<Vec<f64>> =
-            (0..TOGETHER).map(|k| best.x.iter().map(|x| shake(x, k)).collect()).collect();
+        let starts: Vec<Vec<f64>> = (0..TOGETHER).map(|k| best.x.iter().map(|x| shake(x, k)).collect()).collect();
         let before = (best.value, best.evaluations);
         best = round(starts, (budget / 50).max(200), best);
         size = if best.value < before.0 - 1e-6 * before.0.abs() { 0.3 } else { (0.6 * size).max(0.003) };

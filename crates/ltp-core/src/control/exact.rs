@@ -64,8 +64,7 @@ impl Exact {
         let (length, period) = (system.period() / divisor as f64, system.period());
         let h = length / steps as f64;
         let inner = 3.0_f64.sqrt() / 6.0;
-        let nodes: Vec<f64> =
-            (0..steps).flat_map(|i| [0.5 - inner, 0.5 + inner].map(|c| (i as f64 + c) * h)).collect();
+        let nodes: Vec<f64> = (0..steps).flat_map(|i| [0.5 - inner, 0.5 + inner].map(|c| (i as f64 + c) * h)).collect();
         let starts: Vec<f64> = (0..steps).map(|i| i as f64 * h).collect();
         let begin = system.start();
         let sampled = |entry, times: &[f64]| times.iter().flat_map(|t| system.matrix(entry, begin + t)).collect();

@@ -162,7 +162,8 @@ impl Class {
                 for (j, &right) in functions.iter().enumerate() {
                     for r in 0..nx {
                         for c in 0..columns {
-                            let one = |k: usize| coefficients.get(k).map_or(Complex::new(0.0, 0.0), |m| m[r * columns + c]);
+                            let one =
+                                |k: usize| coefficients.get(k).map_or(Complex::new(0.0, 0.0), |m| m[r * columns + c]);
                             out[(i * nx + r) * m * columns + j * columns + c] = mean(left, right, one);
                         }
                     }

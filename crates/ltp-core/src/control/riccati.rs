@@ -75,7 +75,8 @@ pub fn periodic_lqr(system: &LtpSystem, weights: &Weights, harmonics: Option<&[u
     };
     let mut warnings = Vec::new();
     if whole.harmonics() > times / 4 {
-        warnings.push(format!("the gain has more than {} harmonics: its coefficients do not fall to rounding", times / 4));
+        warnings
+            .push(format!("the gain has more than {} harmonics: its coefficients do not fall to rounding", times / 4));
     }
     if residual > 1e-6 {
         warnings.push(format!("the Riccati equation is left with a residual of {residual:.1e} of its largest term"));
@@ -87,8 +88,9 @@ pub fn periodic_lqr(system: &LtpSystem, weights: &Weights, harmonics: Option<&[u
             method: "periodic-lqr".into(),
             iterations: DOUBLINGS,
             residual: exponent + weights.shift,
-            advice: "the regulator leaves a mode where it is, because the state weights do not see it: weigh more states"
-                .into(),
+            advice:
+                "the regulator leaves a mode where it is, because the state weights do not see it: weigh more states"
+                    .into(),
         });
     }
     let gain = match harmonics {
@@ -238,7 +240,11 @@ pub(super) fn check_weight(what: &str, weight: &[f64], n: usize, definite: bool)
     let skew = (&matrix - matrix.transpose()).amax();
     if skew > 1e-12 * size {
         let expected = "0: the weight must be symmetric".into();
-        return Err(Error::OutOfRange { what: format!("{what}: largest difference to its transpose"), found: skew, expected });
+        return Err(Error::OutOfRange {
+            what: format!("{what}: largest difference to its transpose"),
+            found: skew,
+            expected,
+        });
     }
     let least = SymmetricEigen::new(matrix).eigenvalues.min();
     let (bad, expected) = if definite {
@@ -280,7 +286,10 @@ mod tests {
         for (system, q, r, shift, expected, tolerance) in cases {
             let found = periodic_lqr(system, &weights(q, r, shift), None).expect("a regulator");
             let (exponent, residual) = (found.figure("exact, 1/s").expect("it"), found.figure("residual").expect("it"));
-            eprintln!("{q:?} {r} {shift}: {exponent:.4} expected {expected}, residual {residual:.1e}, {}", found.gain.harmonics());
+            eprintln!(
+                "{q:?} {r} {shift}: {exponent:.4} expected {expected}, residual {residual:.1e}, {}",
+                found.gain.harmonics()
+            );
             assert!((exponent - expected).abs() < tolerance, "{exponent} {expected}");
             assert!(residual < 1e-7 && found.warnings.is_empty(), "{found:?}");
         }
@@ -289,7 +298,8 @@ mod tests {
     #[test]
     fn two_harmonics_keep_the_figures() {
         // research section 8: K0 + Re(K2 e^{2jwt}), 12 numbers; the mean alone does not do it
-        let cases = [(0.1, 1e-4, 0.0, -0.675), (0.1, 1e-5, 0.0, -1.023), (0.1, 1e-2, 1.0, -2.015), (0.105, 1e-2, 1.0, -2.055)];
+        let cases =
+            [(0.1, 1e-4, 0.0, -0.675), (0.1, 1e-5, 0.0, -1.023), (0.1, 1e-2, 1.0, -2.015), (0.105, 1e-2, 1.0, -2.055)];
         for (amplitude, r, shift, expected) in cases {
             let system = inverted(UP, UP, amplitude);
             let found = periodic_lqr(&system, &weights([1.0; 2], r, shift), Some(&[0, 2])).expect("a regulator");

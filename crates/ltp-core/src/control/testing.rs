@@ -70,18 +70,27 @@ fn matrices(plant: Plant, [_, _, a]: [f64; 3], [theta, omega, alpha]: [f64; 3]) 
     let solve = |x: f64, y: f64| [(inertia * x - m * cos * y) / det, (MASS * y - m * cos * x) / det];
     let torque = -m * GRAVITY * sin - plant.damping * omega - plant.spring * (theta - PI);
     let [ca, pa] = solve(force + m * sin * omega * omega, torque);
-    let by_theta = solve(
-        m * cos * omega * omega + m * sin * pa,
-        -m * GRAVITY * cos - plant.spring + m * sin * ca,
-    );
+    let by_theta = solve(m * cos * omega * omega + m * sin * pa, -m * GRAVITY * cos - plant.spring + m * sin * ca);
     let by_v = solve(-drag, 0.0);
     let by_omega = solve(2.0 * m * sin * omega, -plant.damping);
     let by_volt = solve(volt, 0.0);
     let a = [
-        0.0, 0.0, 1.0, 0.0, //
-        0.0, 0.0, 0.0, 1.0, //
-        0.0, by_theta[0], by_v[0], by_omega[0], //
-        0.0, by_theta[1], by_v[1], by_omega[1],
+        0.0,
+        0.0,
+        1.0,
+        0.0, //
+        0.0,
+        0.0,
+        0.0,
+        1.0, //
+        0.0,
+        by_theta[0],
+        by_v[0],
+        by_omega[0], //
+        0.0,
+        by_theta[1],
+        by_v[1],
+        by_omega[1],
     ];
     (a, [0.0, 0.0, by_volt[0], by_volt[1]])
 }
@@ -113,7 +122,8 @@ pub fn inverted(plant: Plant, of: Plant, amplitude: f64) -> LtpSystem {
         .collect();
     let a = FourierSeries::from_samples(0.2, 1, &acceleration).expect("samples").trimmed(1e-13);
     let integral = |c: &FourierSeries| {
-        let divide = |k: usize, c: &Complex| if k == 0 { Complex::from(0.0) } else { c / Complex::new(0.0, k as f64 * w) };
+        let divide =
+            |k: usize, c: &Complex| if k == 0 { Complex::from(0.0) } else { c / Complex::new(0.0, k as f64 * w) };
         let coefficients = c.coefficients().iter().enumerate().map(|(k, c)| divide(k, c)).collect();
         FourierSeries::new(0.2, 1, coefficients).expect("a series")
     };

@@ -224,7 +224,8 @@ mod tests {
 
     #[test]
     fn the_budget_is_kept() {
-        let best = descend(&Kink { weight: 8.0, limit: 9.0 }, &[-1.2, 1.0], &Options { budget: 17, ..Options::default() });
+        let best =
+            descend(&Kink { weight: 8.0, limit: 9.0 }, &[-1.2, 1.0], &Options { budget: 17, ..Options::default() });
         assert!(best.evaluations <= 18, "{}", best.evaluations);
     }
 }

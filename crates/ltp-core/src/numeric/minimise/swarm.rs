@@ -35,7 +35,8 @@ pub struct Options {
 pub fn swarm(problem: &impl Problem, scale: &[f64], options: &Options) -> Best {
     let (n, mut random) = (problem.unknowns(), SplitMix64::new(options.seed));
     let mut normal = move |scale: f64| scale * random.normal();
-    let starts: Vec<Vec<f64>> = (0..options.particles.max(1)).map(|_| scale.iter().map(|&s| normal(s)).collect()).collect();
+    let starts: Vec<Vec<f64>> =
+        (0..options.particles.max(1)).map(|_| scale.iter().map(|&s| normal(s)).collect()).collect();
     let mut speeds: Vec<Vec<f64>> = starts.iter().map(|_| (0..n).map(|_| normal(1.0)).collect()).collect();
     let mut spent = 0;
     let mut places = settle(problem, starts, options, &mut spent);

@@ -149,16 +149,16 @@ class TestBadInput:
             ltp.control(lin, limit=1.0, slowest=500.0, budget=2000)
 
     def test_a_pair_that_cannot_be_stabilised(self) -> None:
-        document = {
-            "name": "two",
-            "states": {"q": {"value": 0.0, "unit": "m"}, "w": {"value": 0.0, "unit": "m"}},
-            "inputs": {"F": {"unit": "m/s"}},
-            "parameters": {"a": {"value": 0.3, "unit": "1/s"}, "T": {"value": 1.0, "unit": "s"}},
-            "clock": {"period": "T"},
-            "flow": {"q": "a*q", "w": "F - a*w*(2 + cos(2*pi*t/T))"},
-            "outputs": {"q": {"value": "q", "unit": "m"}},
-        }
-        model = ltp.Model(document)
+        text = ltp.zoo.text("mathieu")
+        # a second mass that no force reaches, and that runs away
+        for old, new in (
+            ("[inputs]", 'w = { value = 0.0, unit = "m" }\n\n[inputs]'),
+            ("[parameters]", '[parameters]\na = { value = 0.3, unit = "1/s" }'),
+            ("[flow]", '[flow]\nw = "a*w"'),
+        ):
+            assert old in text
+            text = text.replace(old, new)
+        model = ltp.Model.from_toml(text)
         lin = ltp.linearize(model, ltp.cycle(model))
         with pytest.raises(ltp.InputError, match=r"cannot be stabilised.*0\.3"):
             ltp.control(lin, limit=10.0)

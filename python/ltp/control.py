@@ -21,7 +21,7 @@ Form = tuple[npt.ArrayLike, float | None, float | None]
 
 @dataclass(frozen=True, eq=False)
 class Feedback:
-    """State feedback `u = -K(t) x` with `K(t) = harmonics[0] + sum_k Re(harmonics[k] e^{j k w t})`, of period `period`, s.
+    """State feedback `u = -K(t) x` with `K(t) = harmonics[0] + sum_k Re(harmonics[k] e^{j k w t})` and `period` (s).
 
     `harmonics` holds complex (nu, nx) matrices by their harmonic, in units of the input per unit of the state; `method`
     says where the gain is from, `figures` what it does (largest real parts in 1/s), `warnings` what is doubtful.
@@ -44,13 +44,13 @@ class Feedback:
 
     @classmethod
     def from_harmonics(cls, harmonics: Mapping[int, npt.ArrayLike], period: float) -> Feedback:
-        """A periodic gain from its complex matrices (nu, nx) by harmonic, from 0 up; raises `InputError` as `constant`."""
+        """A periodic gain from its complex matrices (nu, nx) by harmonic, from 0 up; raises as `constant`."""
         matrices = {int(k): np.atleast_2d(np.asarray(v, dtype=np.complex128)) for k, v in harmonics.items()}
         shapes = {m.shape for m in matrices.values()}
         if not matrices or len(shapes) != 1 or any(m.ndim != 2 for m in matrices.values()) or min(matrices) < 0:
             raise InputError(
-                f"harmonics: found keys {sorted(matrices)} with shapes {sorted(shapes)}, expected matrices of one shape "
-                "(nu, nx) by harmonics from 0 up; correct them"
+                f"harmonics: found keys {sorted(matrices)} with shapes {sorted(shapes)}, expected matrices of one "
+                "shape (nu, nx) by harmonics from 0 up; correct them"
             )
         block = np.zeros((max(matrices) + 1, *shapes.pop(), 1), dtype=np.complex128)
         for k, matrix in matrices.items():
@@ -139,17 +139,17 @@ def control(
     """State feedback `u = -K(t) x` for a smooth linear time-periodic system.
 
     method="harmonic-balance" minimises the largest real part of the closed loop: of the lift truncated at `truncation`
-    harmonics (`objective="lifted"`, over `modes` "all" or "central"), or of the exact Floquet exponents ("floquet"); with
-    `variants` (systems of the same period and size) the worst of all. `harmonics` are those of the gain, (0,) a constant
-    one, (0, 2) `K_0 + Re(K_2 e^{2jwt})`. Constraints: `limit` on the norm of all numbers of the gain (without one the gain
-    often runs off), `fastest` (all real parts above -fastest, 1/s), `slowest` (some real part below -slowest), `quadratic`
-    bounds (Q, least, most) on K_0 Q K_0^T, `damping` (least damping ratio of the central modes) or `imaginary` (largest
-    imaginary part, rad/s). `search` is "global", "swarm" (the published Algorithm 1) or "local" (from `start`); one `seed`
-    gives one result, within `budget` evaluations.
+    harmonics (`objective="lifted"`, over `modes` "all" or "central"), or of the exact Floquet exponents ("floquet");
+    with `variants` (systems of the same period and size) the worst of all. `harmonics` are those of the gain, (0,) a
+    constant one, (0, 2) `K_0 + Re(K_2 e^{2jwt})`. Constraints: `limit` on the norm of all numbers of the gain (without
+    one the gain often runs off), `fastest` (all real parts above -fastest, 1/s), `slowest` (some real part below
+    -slowest), `quadratic` bounds (Q, least, most) on K_0 Q K_0^T, `damping` (least damping ratio of the central modes)
+    or `imaginary` (largest imaginary part, rad/s). `search` is "global", "swarm" (the published Algorithm 1) or "local"
+    (from `start`); one `seed` gives one result, within about `budget` evaluations.
 
-    method="periodic-lqr" minimises the integral of x'Qx + u'Ru with `state_weights` Q, (nx, nx) or its diagonal,
-    `input_weights` R, (nu, nu), its diagonal or a number, and exponents below `-shift` (1/s); with `harmonics`, only those
-    of its gain are kept.
+    method="periodic-lqr" minimises the integral of x'Qx + u'Ru with `state_weights` Q, (nx, nx) or its diagonal, and
+    `input_weights` R, (nu, nu), its diagonal or a number; exponents are below `-shift` (1/s). With `harmonics`, only
+    those of its gain are kept.
 
     Raises `InputError` for a pair that cannot be stabilised, constraints that cannot be kept (which, by how much), a
     truncation too low (which suffices), wrong shapes and unknown names; `ConvergenceError` where no regulator exists.

@@ -157,7 +157,8 @@ fn everywhere(design: &Design, scale: &[f64], start: Option<Vec<f64>>, seed: u64
     while best.evaluations < budget {
         let norm = best.x.iter().map(|x| x * x).sum::<f64>().sqrt() / (best.x.len() as f64).sqrt();
         // half of them each number by its own size, half all by the same
-        let mut shake = |x: &f64, k: usize| x + size * random.normal() * if k % 2 == 0 { x.abs() } else { norm };
+        let mut shake =
+            |x: &f64, k: usize| x + size * random.normal() * if k.is_multiple_of(2) { x.abs() } else { norm };
         let starts: Vec<Vec<f64>> = (0..TOGETHER).map(|k| best.x.iter().map(|x| shake(x, k)).collect()).collect();
         let before = (best.value, best.evaluations);
         best = round(starts, (budget / 50).max(200), best);
@@ -205,7 +206,7 @@ impl Design {
         positive("fastest, 1/s", options.fastest, Constraint::Fastest)?;
         positive("slowest, 1/s", options.slowest, Constraint::Slowest)?;
         match options.damping {
-            Some(Damping::Ratio(ratio)) if !(ratio < 1.0) => {
+            Some(Damping::Ratio(ratio)) if ratio.is_nan() || ratio >= 1.0 => {
                 let expected = "a damping ratio in (0, 1)".into();
                 return Err(Error::OutOfRange { what: "damping".into(), found: ratio, expected });
             }
@@ -250,7 +251,7 @@ impl Design {
             let value = |k: usize| evaluation.constraints[k];
             value(a).total_cmp(&value(b))
         });
-        if let Some(worst) = worst.filter(|&k| !(evaluation.constraints[k] <= 1e-9)) {
+        if let Some(worst) = worst.filter(|&k| evaluation.constraints[k].is_nan() || evaluation.constraints[k] > 1e-9) {
             let (what, found, expected) = self.constraints[worst].in_words(evaluation.constraints[worst]);
             let expected = format!(
                 "{expected}; no gain that keeps all constraints was found in {} evaluations, and this one is violated most \

@@ -56,8 +56,15 @@ impl Law {
     /// A gain (nu, nx) of `period` (s) with these harmonics.
     ///
     /// # Errors
-    /// `OutOfRange` for harmonics that are none or repeated.
+    /// `OutOfRange` for harmonics that are none or repeated, and for a system without inputs or states.
     pub fn new(nu: usize, nx: usize, period: f64, harmonics: &[usize]) -> Result<Self> {
+        for (what, count) in [("inputs", nu), ("states", nx)] {
+            if count == 0 {
+                let (what, expected) =
+                    (format!("{what} of the system"), "at least one: feedback goes from one to the other");
+                return Err(Error::OutOfRange { what, found: 0.0, expected: expected.into() });
+            }
+        }
         let mut harmonics = harmonics.to_vec();
         harmonics.sort_unstable();
         if harmonics.is_empty() || harmonics.windows(2).any(|w| w[0] == w[1]) {

@@ -83,7 +83,7 @@ pub fn periodic_lqr(system: &LtpSystem, weights: &Weights, harmonics: Option<&[u
     }
     let largest = |gain: &FourierSeries| Ok(exponents(system, gain)?[0].re);
     let exponent = largest(&whole)?;
-    if !(exponent < -weights.shift) {
+    if exponent.is_nan() || exponent >= -weights.shift {
         return Err(Error::NoConvergence {
             method: "periodic-lqr".into(),
             iterations: DOUBLINGS,

@@ -60,7 +60,7 @@ impl Eigenpairs {
     pub fn pair(&self, value: Complex) -> Option<Pair> {
         let Pair { right, mut left } = self.vectors(value);
         let dot: Complex = left.iter().zip(&right).map(|(y, x)| y * x).sum();
-        if !(dot.norm() > 1e-14) {
+        if dot.norm().is_nan() || dot.norm() <= 1e-14 {
             return None;
         }
         left.iter_mut().for_each(|y| *y /= dot);
@@ -77,12 +77,10 @@ impl Eigenpairs {
         let mut swapped = vec![false; n];
         let mut factor = vec![Complex::new(0.0, 0.0); n];
         for k in 0..n {
-            if k + 1 < n {
-                if shifted[(k + 1) * n + k].norm_sqr() > shifted[k * n + k].norm_sqr() {
-                    swapped[k] = true;
-                    for j in k..n {
-                        shifted.swap(k * n + j, (k + 1) * n + j);
-                    }
+            if k + 1 < n && shifted[(k + 1) * n + k].norm_sqr() > shifted[k * n + k].norm_sqr() {
+                swapped[k] = true;
+                for j in k..n {
+                    shifted.swap(k * n + j, (k + 1) * n + j);
                 }
             }
             if shifted[k * n + k].norm() < f64::EPSILON * size {

@@ -2,9 +2,9 @@
 //!
 //! Quasi-Newton steps find the minimum of a nonsmooth function when the line search asks for no more than the weak Wolfe
 //! conditions: what curvature they measure across a kink makes the model steep there, which is what it should be. The search
-//! ends when it finds no such step, when the gradient vanishes or when the evaluations are spent. Constraints enter as `weight
-//! * max(0, g)`, exact for a weight that is large enough; it is raised until the minimum is feasible. From an infeasible
-//! start, the violation alone is descended first.
+//! ends when it finds no such step, when the gradient vanishes or when the evaluations are spent. Constraints `g <= 0` enter as
+//! a multiple of `max(0, g)`, exact for one that is large enough; it is raised until the minimum is feasible. From an
+//! infeasible start, the violation alone is descended first.
 //!
 //! Reference: A. S. Lewis, M. L. Overton, *Nonsmooth optimization via quasi-Newton methods*, Math. Program. 141 (2013),
 //! 135-163: algorithms 2.1 and 2.6.
@@ -111,7 +111,7 @@ impl<P: Problem> Search<'_, P> {
     }
 
     /// One run from `x`, which it moves to the end.
-    fn bfgs(&mut self, x: &mut Vec<f64>, first: f64) {
+    fn bfgs(&mut self, x: &mut [f64], first: f64) {
         let n = x.len();
         let mut gradient = vec![0.0; n];
         let mut value = self.at(x, &mut gradient);
@@ -168,7 +168,7 @@ impl<P: Problem> Search<'_, P> {
             }
             let trial: Vec<f64> = x.iter().zip(direction).map(|(x, d)| x + length * d).collect();
             let next = self.at(&trial, &mut gradient);
-            if !(next < value + DECREASE * length * slope) {
+            if next.is_nan() || next >= value + DECREASE * length * slope {
                 high = length;
             } else {
                 sufficient = Some((length, next, gradient.clone()));

@@ -1,14 +1,24 @@
-"""Owns the panels that show a tracked motion: coordinates and their references, errors, the input."""
+"""Owns the panels that show a tracked motion, and the quiet in which designs are made whose doubts the page prints."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 import ltp
 from ltp.plots.tracking import Curve, Run
 
 SHOWN = ("x", "theta")
 UNITS = {"x": "m", "theta": "rad", "V": "V"}
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Without the warnings of designs that are made to be looked at."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        yield
 
 
 def coordinates(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ltp import _ltp
 from ltp._ltp import InputError
+from ltp.control import Feedback
 from ltp.feedforward import Reference
 from ltp.model import Model
 
@@ -263,21 +264,6 @@ def track(
 
 
 @dataclass(frozen=True, eq=False)
-class SimulationDesign:
-    """A gain found by simulation: `harmonics` {k: (nu, nx)} of `period` (s), its `cost`, `evaluations` spent."""
-
-    period: float
-    harmonics: dict[int, Complexes]
-    cost: float
-    evaluations: int
-
-    @property
-    def gain(self) -> Array:
-        """Mean gain (nu, nx)."""
-        return np.ascontiguousarray(self.harmonics[0].real)
-
-
-@dataclass(frozen=True, eq=False)
 class SimulationCost:
     """A design objective by simulation, compiled once: call it with a gain, or `many` with several at a time.
 
@@ -310,21 +296,21 @@ class SimulationCost:
         descent: int = 40,
         budget: int = 4000,
         seed: int = 0,
-    ) -> SimulationDesign:
+    ) -> Feedback:
         """The gain of least cost with a norm up to `limit`: the particle swarm of Duyul 2018, Algorithm 1.
 
         particles, rounds: of the swarm; `descent` evaluations of the local solver inside each (0 leaves it out), and
-        `budget` evaluations at most. Raises `ConvergenceError` when every motion was lost.
+        `budget` evaluations at most. `figures` has cost, norm and evaluations. Raises `ConvergenceError` when every
+        motion was lost.
         """
         whole = {"particles": particles, "rounds": rounds, "descent": descent, "budget": budget, "seed": seed}
         for name, value in whole.items():
             if value < 0:
                 raise InputError(f"SimulationCost.design: {name} is {value}, expected a number from 0 on; correct it")
         lines, figures = self._core.design(limit=float(limit), **whole)
-        named = dict(figures)
         gains = {k: lines[k].reshape(self.shape) * (1 if k == 0 else 2) for k in self.harmonics}
         gains.setdefault(0, np.zeros(self.shape, dtype=np.complex128))
-        return SimulationDesign(self.period, gains, named["cost"], int(named["evaluations"]))
+        return replace(Feedback.from_harmonics(gains, self.period), method="simulation", figures=dict(figures))
 
 
 def simulation_cost(

@@ -131,6 +131,12 @@ class Certificate:
         return max(self.cases, key=lambda case: np.inf if case.slowest is None else case.slowest)
 
     @property
+    def worst_alone(self) -> Case | None:
+        """As `worst`, with one parameter changed at a time."""
+        alone = [case for case in self.cases if sum(change != 0 for change in case.changes.values()) <= 1]
+        return max(alone, key=lambda case: np.inf if case.slowest is None else case.slowest, default=None)
+
+    @property
     def worst_error(self) -> dict[str, float]:
         """Largest error of each state over all cases that have an orbit, as a share of the reference's amplitude."""
         errors = [case.error for case in self.cases if case.error]
@@ -190,7 +196,7 @@ def certify(
     deviations: states off the reference to start runs from, such as `{"x": 0.02, "theta": 0.2}`, one or several.
     spread: relative half ranges of parameters, such as `{"l_p": 0.01}`: corners and middles are tried, at most five.
     truncation: N of the lift; 2N is asked as well.
-    horizon: time that runs last, s; by default five time constants, within 10 to 500 periods.
+    horizon: time that runs last, s; by default eight time constants, within 10 to 500 periods.
     tolerated: whether to look for the largest multiple of each deviation that comes back (64 at most).
 
     Raises `InputError` for a gain, name or number that cannot be.

@@ -124,12 +124,12 @@ def test_design_by_simulation(hanging: ltp.Model, down: ltp.Reference) -> None:
     weights = {"x": 5.0, "theta": 1.0}
     cost = ltp.simulation_cost(hanging, down, deviation=OFF, weights=weights, t_end=10, dt=1e-2)
     found = cost.design(limit=1000, budget=600, seed=3)
-    assert cost(found.gain) == pytest.approx(found.cost)
+    assert cost(found.gain) == pytest.approx(found.figures["cost"])
     # The last round is finished: one evaluation per particle beyond the budget at most.
-    assert found.cost < 0.2292 and found.evaluations <= 610
+    assert found.figures["cost"] < 0.2292 and found.figures["evaluations"] <= 610
     assert ltp.certify(hanging, down, found).verdict == "stable"
     again = cost.design(limit=1000, budget=600, seed=3)
-    assert again.cost == found.cost
+    assert again.figures == found.figures
     with pytest.raises(ltp.InputError, match="limit"):
         cost.design(limit=-1)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ltp import _ltp
 from ltp._ltp import InputError
+from ltp.control import Feedback
 from ltp.feedforward import Reference
 from ltp.model import Model
 
@@ -130,6 +131,12 @@ class Certificate:
         return max(self.cases, key=lambda case: np.inf if case.slowest is None else case.slowest)
 
     @property
+    def worst_alone(self) -> Case | None:
+        """As `worst`, with one parameter changed at a time."""
+        alone = [case for case in self.cases if sum(change != 0 for change in case.changes.values()) <= 1]
+        return max(alone, key=lambda case: np.inf if case.slowest is None else case.slowest, default=None)
+
+    @property
     def worst_error(self) -> dict[str, float]:
         """Largest error of each state over all cases that have an orbit, as a share of the reference's amplitude."""
         errors = [case.error for case in self.cases if case.error]
@@ -189,7 +196,7 @@ def certify(
     deviations: states off the reference to start runs from, such as `{"x": 0.02, "theta": 0.2}`, one or several.
     spread: relative half ranges of parameters, such as `{"l_p": 0.01}`: corners and middles are tried, at most five.
     truncation: N of the lift; 2N is asked as well.
-    horizon: time that runs last, s; by default five time constants, within 10 to 500 periods.
+    horizon: time that runs last, s; by default eight time constants, within 10 to 500 periods.
     tolerated: whether to look for the largest multiple of each deviation that comes back (64 at most).
 
     Raises `InputError` for a gain, name or number that cannot be.
@@ -263,21 +270,6 @@ def track(
 
 
 @dataclass(frozen=True, eq=False)
-class SimulationDesign:
-    """A gain found by simulation: `harmonics` {k: (nu, nx)} of `period` (s), its `cost`, `evaluations` spent."""
-
-    period: float
-    harmonics: dict[int, Complexes]
-    cost: float
-    evaluations: int
-
-    @property
-    def gain(self) -> Array:
-        """Mean gain (nu, nx)."""
-        return np.ascontiguousarray(self.harmonics[0].real)
-
-
-@dataclass(frozen=True, eq=False)
 class SimulationCost:
     """A design objective by simulation, compiled once: call it with a gain, or `many` with several at a time.
 
@@ -310,21 +302,21 @@ class SimulationCost:
         descent: int = 40,
         budget: int = 4000,
         seed: int = 0,
-    ) -> SimulationDesign:
+    ) -> Feedback:
         """The gain of least cost with a norm up to `limit`: the particle swarm of Duyul 2018, Algorithm 1.
 
         particles, rounds: of the swarm; `descent` evaluations of the local solver inside each (0 leaves it out), and
-        `budget` evaluations at most. Raises `ConvergenceError` when every motion was lost.
+        `budget` evaluations at most. `figures` has cost, norm and evaluations. Raises `ConvergenceError` when every
+        motion was lost.
         """
         whole = {"particles": particles, "rounds": rounds, "descent": descent, "budget": budget, "seed": seed}
         for name, value in whole.items():
             if value < 0:
                 raise InputError(f"SimulationCost.design: {name} is {value}, expected a number from 0 on; correct it")
         lines, figures = self._core.design(limit=float(limit), **whole)
-        named = dict(figures)
         gains = {k: lines[k].reshape(self.shape) * (1 if k == 0 else 2) for k in self.harmonics}
         gains.setdefault(0, np.zeros(self.shape, dtype=np.complex128))
-        return SimulationDesign(self.period, gains, named["cost"], int(named["evaluations"]))
+        return replace(Feedback.from_harmonics(gains, self.period), method="simulation", figures=dict(figures))
 
 
 def simulation_cost(

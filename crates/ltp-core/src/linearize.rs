@@ -6,7 +6,7 @@
 //! `S = R_x - (R_x f- + R_t - f+) g_x / (g_x f- + g_t)` and `E = R_u - (R_x f- + R_t - f+) g_u / (g_x f- + g_t)`.
 //! A sampled update happens at its time whatever the state does: `S = R_x`, `E = R_u`.
 //!
-//! [`along`] does without an orbit: along any reference, where there are no events.
+//! [`along()`] does without an orbit: along any reference, where there are no events.
 //!
 //! The engine's monodromy, integrated step by step with its own sensitivities, is the second route: it shares neither the
 //! integration nor the saltation with this one.

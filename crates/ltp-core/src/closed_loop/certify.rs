@@ -26,7 +26,7 @@ const BISECTIONS: usize = 7;
 /// Periods a run lasts at least and at most, where its length is not given.
 const PERIODS: (f64, f64) = (10.0, 500.0);
 /// Time constants of the slowest exponent that a run lasts, where that is possible.
-const CONSTANTS: f64 = 5.0;
+const CONSTANTS: f64 = 8.0;
 
 /// What to ask.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +37,7 @@ pub struct Options {
     pub deviations: Vec<Vec<f64>>,
     /// Numbers of parameters with their relative half ranges, for the worst case.
     pub spread: Vec<(usize, f64)>,
-    /// Time that runs last, s; five time constants of the slowest exponent where `None`, within 10 to 500 periods.
+    /// Time that runs last, s; eight time constants of the slowest exponent where `None`, within 10 to 500 periods.
     pub horizon: Option<f64>,
     /// Whether to look for the largest multiple of each deviation that comes back.
     pub tolerated: bool,

@@ -15,7 +15,8 @@ const MOST: usize = 5;
 pub struct Case {
     /// Relative change of each varied parameter.
     pub changes: Vec<f64>,
-    /// Largest real part of the exponents of the closed loop's orbit, 1/s; `None` where no orbit was found.
+    /// Largest real part of the exponents of the closed loop's orbit, 1/s; `None` where no orbit was found. Where the orbit
+    /// nearest to the nominal one is unstable it is the stable one that the motion settles on, if any.
     pub slowest: Option<f64>,
     /// Largest distance of that orbit from the reference, per state, as a share of the reference's amplitude.
     pub error: Vec<f64>,
@@ -62,7 +63,7 @@ impl Spread {
             let changes: Vec<f64> = (0..parameters.len()).map(change).collect();
             let mut p = p.to_vec();
             parameters.iter().zip(&changes).for_each(|((number, _), change)| p[*number] *= 1.0 + change);
-            let orbit = Orbit::find(system, &p, reference, start).ok();
+            let orbit = Orbit::reached(system, &p, reference, start).ok();
             let slowest = orbit.as_ref().map(Orbit::slowest);
             Case { changes, slowest, error: orbit.map_or_else(Vec::new, |o| o.error) }
         };
@@ -73,6 +74,13 @@ impl Spread {
     pub fn worst(&self) -> Option<&Case> {
         let badness = |c: &Case| c.slowest.unwrap_or(f64::INFINITY);
         self.cases.iter().max_by(|a, b| badness(a).total_cmp(&badness(b)))
+    }
+
+    /// The worst case with one parameter changed at a time.
+    pub fn worst_alone(&self) -> Option<&Case> {
+        let alone = |c: &&Case| c.changes.iter().filter(|change| **change != 0.0).count() <= 1;
+        let badness = |c: &Case| c.slowest.unwrap_or(f64::INFINITY);
+        self.cases.iter().filter(alone).max_by(|a, b| badness(a).total_cmp(&badness(b)))
     }
 
     /// Largest error of each state over all cases that have an orbit.

@@ -187,6 +187,13 @@ impl Design {
                 return Err(unstabilisable(exponent.re, "0"));
             }
         }
+        for (k, variant) in variants.iter().enumerate() {
+            if (variant.period() - system.period()).abs() > 1e-9 * system.period() {
+                let expected = format!("{} s, that of the system; variants share its clock", system.period());
+                let what = format!("period of variant {k} (the first is 0), s");
+                return Err(Error::OutOfRange { what, found: variant.period(), expected });
+            }
+        }
         let one = |system: &LtpSystem| match options.measure {
             Measure::Lifted { truncation, .. } => Lifted::new(system, &law, truncation).map(Objective::Lifted),
             Measure::Exact => Exact::new(system, &law, Some(steps)).map(Objective::Exact),

@@ -295,11 +295,18 @@ impl Design {
             ));
         }
         if (best.value - exact).abs() > 0.05 * exact.abs().max(0.1) && variants.is_empty() {
-            warnings.push(format!(
-                "the objective is {:.4} 1/s, but the largest exact exponent {exact:.4}: the truncated lift is biased at its \
-                 edges; take its central modes, a higher truncation or the exact objective",
-                best.value
-            ));
+            let reason = match options.measure {
+                Measure::Lifted { .. } => {
+                    "the truncated lift is biased at its edges; take its central modes, a higher truncation or the exact \
+                     objective"
+                }
+                Measure::Exact => {
+                    "modes that meet or that decay within a few samples are not resolved; lower the limit on the gain"
+                }
+            };
+            let value = best.value;
+            warnings
+                .push(format!("the objective is {value:.4} 1/s, but the largest exact exponent {exact:.4}: {reason}"));
         }
         if exact >= 0.0 {
             warnings.push(format!("the closed loop is not stable: largest exact exponent {exact:.4} 1/s"));

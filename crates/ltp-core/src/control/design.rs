@@ -226,8 +226,9 @@ impl Design {
             None => {}
         }
         if !options.quadratic.is_empty() && !options.harmonics.contains(&0) {
+            let first = law.harmonics[0] as f64;
             let expected = "0 among them, since bounds on quadratic forms are on the constant part".into();
-            return Err(Error::OutOfRange { what: "harmonics of the gain: first".into(), found: f64::NAN, expected });
+            return Err(Error::OutOfRange { what: "harmonics of the gain: first".into(), found: first, expected });
         }
         for bounds in &options.quadratic {
             constraints.extend(Constraint::quadratic(bounds, size.nx)?);

@@ -163,7 +163,7 @@ class TestBadInput:
         with pytest.raises(ltp.InputError, match=r"cannot be stabilised.*0\.3"):
             ltp.control(lin, limit=10.0)
         with pytest.raises(ltp.InputError, match="cannot be stabilised"):
-            ltp.control(lin, method="periodic-lqr", state_weights=[1.0, 1.0], input_weights=1.0)
+            ltp.control(lin, method="periodic-lqr", state_weights=np.ones(3), input_weights=1.0)
 
     def test_jumps(self) -> None:
         model = ltp.zoo.hopper()

@@ -187,6 +187,13 @@ impl Design {
                 return Err(unstabilisable(exponent.re, "0"));
             }
         }
+        for (k, variant) in variants.iter().enumerate() {
+            if (variant.period() - system.period()).abs() > 1e-9 * system.period() {
+                let expected = format!("{} s, that of the system; variants share its clock", system.period());
+                let what = format!("period of variant {k} (the first is 0), s");
+                return Err(Error::OutOfRange { what, found: variant.period(), expected });
+            }
+        }
         let one = |system: &LtpSystem| match options.measure {
             Measure::Lifted { truncation, .. } => Lifted::new(system, &law, truncation).map(Objective::Lifted),
             Measure::Exact => Exact::new(system, &law, Some(steps)).map(Objective::Exact),
@@ -219,8 +226,9 @@ impl Design {
             None => {}
         }
         if !options.quadratic.is_empty() && !options.harmonics.contains(&0) {
+            let first = law.harmonics[0] as f64;
             let expected = "0 among them, since bounds on quadratic forms are on the constant part".into();
-            return Err(Error::OutOfRange { what: "harmonics of the gain: first".into(), found: f64::NAN, expected });
+            return Err(Error::OutOfRange { what: "harmonics of the gain: first".into(), found: first, expected });
         }
         for bounds in &options.quadratic {
             constraints.extend(Constraint::quadratic(bounds, size.nx)?);
@@ -288,11 +296,18 @@ impl Design {
             ));
         }
         if (best.value - exact).abs() > 0.05 * exact.abs().max(0.1) && variants.is_empty() {
-            warnings.push(format!(
-                "the objective is {:.4} 1/s, but the largest exact exponent {exact:.4}: the truncated lift is biased at its \
-                 edges; take its central modes, a higher truncation or the exact objective",
-                best.value
-            ));
+            let reason = match options.measure {
+                Measure::Lifted { .. } => {
+                    "the truncated lift is biased at its edges; take its central modes, a higher truncation or the exact \
+                     objective"
+                }
+                Measure::Exact => {
+                    "modes that meet or that decay within a few samples are not resolved; lower the limit on the gain"
+                }
+            };
+            let value = best.value;
+            warnings
+                .push(format!("the objective is {value:.4} 1/s, but the largest exact exponent {exact:.4}: {reason}"));
         }
         if exact >= 0.0 {
             warnings.push(format!("the closed loop is not stable: largest exact exponent {exact:.4} 1/s"));

@@ -43,8 +43,8 @@ pub struct Weights {
 
 /// The periodic regulator; of its gain only some `harmonics`, when they are given.
 ///
-/// Figures: the largest exact exponent, the residual of the Riccati equation relative to its largest term, and of a gain with
-/// chosen harmonics also the exponent of the whole one.
+/// Figures: the largest exact exponent, the residual of the Riccati equation relative to its largest term, the norm of all numbers
+/// of the gain, and of a gain with chosen harmonics also the exponent of the whole one.
 ///
 /// # Errors
 /// `Shape` and `OutOfRange` for weights that are not symmetric or not (semi)definite, `Model` for a mode not below `-alpha` that
@@ -107,7 +107,10 @@ pub fn periodic_lqr(system: &LtpSystem, weights: &Weights, harmonics: Option<&[u
             ));
         }
     }
-    Ok(Feedback { gain, method: "periodic-lqr".into(), figures, warnings })
+    let mut feedback = Feedback { gain, method: "periodic-lqr".into(), figures, warnings };
+    let norm = feedback.harmonics().iter().map(|k| k.norm_sqr()).sum::<f64>().sqrt();
+    feedback.figures.push(("norm".into(), norm));
+    Ok(feedback)
 }
 
 /// The equation at hand.
@@ -304,7 +307,7 @@ mod tests {
             let system = inverted(UP, UP, amplitude);
             let found = periodic_lqr(&system, &weights([1.0; 2], r, shift), Some(&[0, 2])).expect("a regulator");
             let exponent = found.figure("exact, 1/s").expect("it");
-            eprintln!("{amplitude} {r} {shift}: {exponent:.4} expected {expected}");
+            eprintln!("{amplitude} {r} {shift}: {exponent:.4} expected {expected} {:?}", found.figure("norm"));
             assert!((exponent - expected).abs() < 2e-3, "{exponent} {expected}");
             let mean = periodic_lqr(&system, &weights([1.0; 2], r, shift), Some(&[0])).expect("a regulator");
             assert!(mean.figure("exact, 1/s").expect("it") > -0.02);

@@ -44,8 +44,7 @@ impl Propagation {
         let mut parts = Vec::new();
         for (k, segment) in system.segments().iter().enumerate() {
             let length = segment.end - segment.start;
-            let own = (0..NODES).map(|i| rate(&segment.a[i * system.size().nx.pow(2)..], system.size().nx));
-            let own = own.fold(0.0, f64::max);
+            let own = fastest_rate(system, segment);
             let count = ((own + fastest) * length / TURN).ceil().max(1.0) as usize;
             for i in 0..count {
                 let mut part = part(system, gauss, segment, i as f64 / count as f64, length / count as f64);
@@ -74,6 +73,17 @@ impl Propagation {
         }
         all
     }
+}
+
+/// Angle (rad) that the fastest motion of a system may turn by in one period.
+pub(super) fn turned(system: &LtpSystem) -> f64 {
+    system.segments().iter().map(|s| fastest_rate(system, s) * (s.end - s.start)).sum()
+}
+
+/// Bound of the spectral radius of `A` on a segment, rad/s.
+fn fastest_rate(system: &LtpSystem, segment: &Segment) -> f64 {
+    let nx = system.size().nx;
+    (0..NODES).map(|i| rate(&segment.a[i * nx * nx..], nx)).fold(0.0, f64::max)
 }
 
 /// Matrix product (rows, inner) (inner, ·), row-major.

@@ -13,7 +13,7 @@ use crate::numeric::Complex;
 use crate::numeric::eigen::eigenvalues;
 use crate::numeric::gauss::Gauss;
 
-use super::propagate::{Propagation, product};
+use super::propagate::{self, Propagation, product};
 
 /// What happens at the end of a segment.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,6 +71,9 @@ pub enum Entry {
     D,
 }
 
+/// Largest rate times period that is propagated, rad.
+const MOST_TURNED: f64 = 1e5;
+
 /// Nodes in a segment.
 pub const NODES: usize = 12;
 
@@ -116,6 +119,16 @@ impl LtpSystem {
         }
         let gauss = Gauss::new(NODES);
         let mut system = Self { period, start, size, segments, gauss, monodromy: Vec::new(), multipliers: Vec::new() };
+        let turned = propagate::turned(&system);
+        if turned.is_nan() || turned > MOST_TURNED {
+            return Err(Error::OutOfRange {
+                what: "largest rate of A times the period".into(),
+                found: turned,
+                expected: format!(
+                    "at most {MOST_TURNED:.0e}: such a system is stiff beyond what can be propagated; a gain this large is of no use"
+                ),
+            });
+        }
         system.monodromy = Propagation::new(&system, 0.0).monodromy();
         system.multipliers = eigenvalues(&system.monodromy, size.nx)?;
         Ok(system)

@@ -38,7 +38,7 @@ class TestClosedLoop:
             assert np.all(np.diff(found.real) <= 0.0)
 
     def test_exponents_are_those_of_the_open_loop_without_gain(self, lin: ltp.LtpSystem) -> None:
-        found = ltp.floquet_exponents(lin, np.zeros((1, 2)))
+        found = lin.closed(np.zeros((1, 2))).exponents
         expected = np.log(np.abs(lin.multipliers)) / lin.period
         np.testing.assert_allclose(found.real, np.sort(expected)[::-1], atol=1e-9)
 
@@ -52,14 +52,14 @@ class TestClosedLoop:
             h = np.eye(6)[i] * 1e-5
             assert (closed(x + h)[0] - closed(x - h)[0]) / 2e-5 == pytest.approx(gradient[i], rel=1e-4, abs=1e-7)
         feedback = ltp.Feedback.from_harmonics({0: [x[:2]], 1: [x[2:4] + 1j * x[4:]]}, lin.period)
-        assert ltp.floquet_exponents(lin, feedback)[0].real == pytest.approx(value, abs=2e-4)
+        assert lin.closed(feedback).exponents[0].real == pytest.approx(value, abs=2e-4)
 
 
 class TestHarmonicBalance:
     def test_a_design_keeps_its_limit_and_its_word(self, lin: ltp.LtpSystem) -> None:
         feedback = ltp.control(lin, objective="floquet", limit=20.0, budget=5000)
         assert np.linalg.norm(feedback.gain) <= 20.0
-        exact = ltp.floquet_exponents(lin, feedback)[0].real
+        exact = lin.closed(feedback).exponents[0].real
         assert exact == pytest.approx(feedback.figures["exact, 1/s"], abs=1e-9)
         assert feedback.figures["objective, 1/s"] == pytest.approx(exact, rel=1e-3)
         assert exact < -2.0
@@ -79,7 +79,7 @@ class TestHarmonicBalance:
     def test_the_worst_variant_counts(self, lin: ltp.LtpSystem) -> None:
         variants = [mathieu(c=0.2, k=11.0), mathieu(c=0.2, k=13.0)]
         feedback = ltp.control(lin, objective="floquet", limit=15.0, budget=4000, variants=variants)
-        worst = max(ltp.floquet_exponents(v, feedback)[0].real for v in [lin, *variants])
+        worst = max(v.closed(feedback).exponents[0].real for v in [lin, *variants])
         assert feedback.figures["exact, worst variant, 1/s"] == pytest.approx(worst, abs=1e-9)
         assert feedback.figures["objective, 1/s"] == pytest.approx(worst, rel=2e-3)
 
@@ -96,7 +96,7 @@ class TestPeriodicRegulator:
     def test_exponents_are_below_the_shift(self, lin: ltp.LtpSystem) -> None:
         for shift in (0.0, 1.0, 3.0):
             feedback = ltp.control(lin, method="periodic-lqr", state_weights=[1.0, 0.0], input_weights=0.1, shift=shift)
-            assert ltp.floquet_exponents(lin, feedback)[0].real < -shift
+            assert lin.closed(feedback).exponents[0].real < -shift
             assert feedback.figures["residual"] < 1e-8
 
     def test_harmonics_are_kept_or_cut(self, lin: ltp.LtpSystem) -> None:
@@ -126,10 +126,10 @@ class TestFeedback:
 
 class TestBadInput:
     def test_gains_and_weights_that_do_not_fit(self, lin: ltp.LtpSystem) -> None:
-        with pytest.raises(ltp.InputError, match="expected 2"):
-            ltp.floquet_exponents(lin, [1.0, 2.0, 3.0])
-        with pytest.raises(ltp.InputError, match="the period of the system"):
-            ltp.floquet_exponents(lin, ltp.Feedback.constant([1.0, 2.0], 0.7))
+        with pytest.raises(ltp.InputError, match=r"expected"):
+            lin.closed([1.0, 2.0, 3.0])
+        with pytest.raises(ltp.InputError, match="period of the gain"):
+            lin.closed(ltp.Feedback.from_harmonics({0: [[1.0, 2.0]], 1: [[1.0, 0.0]]}, 0.7))
         with pytest.raises(ltp.InputError, match="symmetric"):
             ltp.control(lin, method="periodic-lqr", state_weights=[[1.0, 1.0], [0.0, 1.0]], input_weights=1.0)
         with pytest.raises(ltp.InputError, match="state_weights"):

@@ -25,7 +25,7 @@ from ltp.closed_loop import (
     simulation_cost,
     track,
 )
-from ltp.control import Feedback, Objective, closed_loop_eigenvalues, control, floquet_exponents
+from ltp.control import Feedback, Objective, closed_loop_eigenvalues, control
 from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
@@ -119,7 +119,6 @@ __all__ = [
     "cycle_average",
     "diagnose",
     "feedforward",
-    "floquet_exponents",
     "identify",
     "identify_arx",
     "identify_map",

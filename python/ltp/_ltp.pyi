@@ -42,7 +42,6 @@ __all__ = [
     "e_rms",
     "effect_names",
     "effect_text",
-    "exponents",
     "feedforward",
     "harmonic_balance",
     "identify",
@@ -600,7 +599,6 @@ def periodic_lqr(
     shift: float,
     harmonics: Sequence[int] | None,
 ) -> Feedback: ...
-def exponents(lin: LtpSystem, gain: Feedback) -> npt.NDArray[np.complex128]: ...
 def closed_loop_eigenvalues(lin: LtpSystem, gain: Feedback, truncation: int) -> npt.NDArray[np.complex128]: ...
 def cycle(
     model: Model,

@@ -197,14 +197,9 @@ def control(
 def closed_loop_eigenvalues(lin: LtpSystem, gain: Feedback | npt.ArrayLike, truncation: int) -> Complex:
     """All eigenvalues of the lifted closed loop A - N - B K, ((2N+1) nx,), largest real part first.
 
-    Edge blocks are cut: see `floquet_exponents` for what they approximate. Raises `InputError` as `control`.
+    Edge blocks are cut: `lin.closed(gain).exponents` are what they approximate. Raises `InputError` as `control`.
     """
     return _ltp.closed_loop_eigenvalues(lin._core, _feedback(gain, lin)._core, truncation)
-
-
-def floquet_exponents(lin: LtpSystem, gain: Feedback | npt.ArrayLike) -> Complex:
-    """Exact Floquet exponents of A - B K, (nx,), principal strip, largest real part first; raises `InputError`."""
-    return _ltp.exponents(lin._core, _feedback(gain, lin)._core)
 
 
 def _feedback(gain: Feedback | npt.ArrayLike, lin: LtpSystem) -> Feedback:

@@ -6,11 +6,11 @@
 //! derivatives. Transverse designs need nothing of their own: a transverse system is an
 //! [`LtpSystem`](crate::periodic::LtpSystem).
 
-mod closed;
 mod constraint;
 mod design;
 #[cfg(test)]
 mod design_tests;
+mod eigenvalues;
 mod exact;
 mod feedback;
 pub mod law;
@@ -23,9 +23,9 @@ mod spectrum;
 #[cfg(test)]
 mod testing;
 
-pub use closed::{exponents, lifted_eigenvalues};
 pub use constraint::{Damping, Quadratic};
 pub use design::{Measure, Options, Search, harmonic_balance};
+pub use eigenvalues::lifted_eigenvalues;
 pub use exact::{Exact, STEPS};
 pub use feedback::Feedback;
 pub use law::Law;

@@ -6,14 +6,12 @@
 //! random sequence ([`rng`]). [`fft`] decides how Fourier transforms are scaled, [`chirp_z`] takes their lines at any other
 //! spacing; [`smoother`] fits unknowns that bend little along an axis, [`penalised`] does the same through one [`banded`]
 //! system; [`fourier_series`] is a periodic signal, [`gauss`] carries collocation, [`eigen`] finds eigenvalues,
-//! [`eigenpairs`] their vectors too, [`eigenpair`] those that an optimiser moves; [`matrix_function`] is the logarithm and
+//! [`moving_eigen`] those that an optimiser moves; [`matrix_function`] is the logarithm and
 //! the exponential of a matrix; [`minimise`] is for functions with kinks and several valleys.
 
 pub mod banded;
 pub mod chirp_z;
 pub mod eigen;
-pub mod eigenpair;
-pub mod eigenpairs;
 pub mod fft;
 pub mod folded;
 pub mod fourier_series;
@@ -21,6 +19,7 @@ pub mod gauss;
 pub mod lsq;
 pub mod matrix_function;
 pub mod minimise;
+pub mod moving_eigen;
 pub mod penalised;
 pub mod quartic;
 pub mod regression;

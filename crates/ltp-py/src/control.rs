@@ -159,12 +159,6 @@ pub fn periodic_lqr(
     Ok(Feedback { core, nx })
 }
 
-/// Exact Floquet exponents of the closed loop (nx,), largest real part first.
-#[pyfunction]
-pub fn exponents<'py>(py: Python<'py>, lin: &LtpSystem, gain: &Feedback) -> PyResult<Bound<'py, PyArray1<Complex>>> {
-    Ok(door::short(py, || core::exponents(lin.core(), &gain.core.gain))?.into_pyarray(py))
-}
-
 /// Eigenvalues of the lifted closed loop ((2 N + 1) nx,), largest real part first.
 #[pyfunction]
 pub fn closed_loop_eigenvalues<'py>(

@@ -40,7 +40,7 @@ mod _ltp {
     #[pymodule_export]
     use crate::conceal::conceal;
     #[pymodule_export]
-    use crate::control::{Feedback, Objective, closed_loop_eigenvalues, exponents, harmonic_balance, periodic_lqr};
+    use crate::control::{Feedback, Objective, closed_loop_eigenvalues, harmonic_balance, periodic_lqr};
     #[pymodule_export]
     use crate::cycle::{LimitCycle, cycle};
     #[pymodule_export]

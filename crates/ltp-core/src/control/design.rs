@@ -10,7 +10,6 @@
 
 use rayon::prelude::*;
 
-use super::closed::exponents;
 use super::constraint::{Constraint, Damping, Quadratic};
 use super::exact::{Exact, STEPS};
 use super::feedback::Feedback;
@@ -118,7 +117,7 @@ pub fn harmonic_balance(system: &LtpSystem, variants: &[LtpSystem], options: &Op
         // A minimum may lie where the samples no longer resolve the closed loop: then with twice as many.
         let resolved = options.measure != Measure::Exact || {
             let gain = design.law.series(&best.x)?;
-            let largest = |system: &LtpSystem| Ok(exponents(system, &gain)?[0].re);
+            let largest = |system: &LtpSystem| Ok(system.closed(&gain)?.exponents()?[0].re);
             let all = std::iter::once(system).chain(variants).map(largest).collect::<Result<Vec<f64>>>()?;
             let exact = all.into_iter().fold(f64::NEG_INFINITY, f64::max);
             (exact - best.value).abs() <= RESOLVED * exact.abs().max(0.01)
@@ -280,7 +279,7 @@ impl Design {
                 figures.push((name.into(), self.objectives[0].abscissa(&best.x, all, &mut spectrum, None)?));
             }
         }
-        let largest = |system: &LtpSystem| Ok(exponents(system, &gain)?[0].re);
+        let largest = |system: &LtpSystem| Ok(system.closed(&gain)?.exponents()?[0].re);
         let exact = largest(system)?;
         figures.push(("exact, 1/s".into(), exact));
         if !variants.is_empty() {

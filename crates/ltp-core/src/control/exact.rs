@@ -16,7 +16,7 @@ use super::lifted::{smooth, step};
 use super::spectrum::{Mode, Spectrum};
 use crate::error::{Error, Result};
 use crate::numeric::Complex;
-use crate::numeric::eigenpair::Eigenpairs;
+use crate::numeric::moving_eigen::Eigenpairs;
 use crate::periodic::{Entry, LtpSystem};
 
 /// Steps in a whole period unless told otherwise.

@@ -13,7 +13,7 @@ use super::law::{Law, Wave};
 use super::spectrum::{Mode, Spectrum};
 use crate::error::{Error, Result};
 use crate::numeric::Complex;
-use crate::numeric::eigenpair::Eigenpairs;
+use crate::numeric::moving_eigen::Eigenpairs;
 use crate::periodic::{Entry, LtpSystem};
 
 /// Coefficients of this share of the largest one are rounding.

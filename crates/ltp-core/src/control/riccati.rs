@@ -9,7 +9,6 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-use super::closed::exponents;
 use super::design::unstabilisable;
 use super::exact::Exact;
 use super::feedback::Feedback;
@@ -81,7 +80,7 @@ pub fn periodic_lqr(system: &LtpSystem, weights: &Weights, harmonics: Option<&[u
     if residual > 1e-6 {
         warnings.push(format!("the Riccati equation is left with a residual of {residual:.1e} of its largest term"));
     }
-    let largest = |gain: &FourierSeries| Ok(exponents(system, gain)?[0].re);
+    let largest = |gain: &FourierSeries| Ok(system.closed(gain)?.exponents()?[0].re);
     let exponent = largest(&whole)?;
     if exponent.is_nan() || exponent >= -weights.shift {
         return Err(Error::NoConvergence {

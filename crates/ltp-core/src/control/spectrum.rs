@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::numeric::Complex;
-use crate::numeric::eigenpair::Eigenpairs;
+use crate::numeric::moving_eigen::Eigenpairs;
 
 use super::exact::Exact;
 use super::lifted::Lifted;

@@ -14,7 +14,7 @@ use super::exponents::nearest_copy;
 use super::system::LtpSystem;
 use crate::error::Result;
 use crate::numeric::Complex;
-use crate::numeric::eigenpairs::eigenpairs;
+use crate::numeric::eigen::eigenpairs;
 
 /// Distance to its copy, in shares of the exponent's modulus, up to which an eigenvalue counts as converged: five digits.
 pub const CONVERGED: f64 = 1e-5;

@@ -1,7 +1,7 @@
 //! The periodic orbit that a closed loop really has, near the reference it was given.
 
 use super::run::shares;
-use crate::cycle::{self, LimitCycle, cycle};
+use crate::cycle::{self, cycle};
 use crate::error::Result;
 use crate::feedforward::Reference;
 use crate::linearize::along;
@@ -10,8 +10,6 @@ use crate::numeric::{Complex, fourier_series::FourierSeries};
 
 /// Integration steps in one period.
 const STEPS: u64 = 1000;
-/// Periods in which a motion settles.
-const SETTLE: usize = 200;
 
 /// A periodic orbit of a closed loop.
 #[derive(Clone, Debug)]
@@ -39,28 +37,7 @@ impl Orbit {
             options.settle = None;
             cycle(system, p, &options)
         })?;
-        Self::of(system, p, reference, &found)
-    }
-
-    /// As [`Orbit::find`], but where that orbit is unstable, the stable one that the motion from `start` settles on, if any.
-    pub(super) fn reached(system: &dyn System, p: &[f64], reference: &Reference, start: &[f64]) -> Result<Self> {
-        let near = Self::find(system, p, reference, start);
-        if near.as_ref().is_ok_and(|o| o.slowest() < 0.0) {
-            return near;
-        }
-        let options = cycle::Options {
-            start: Some(start.to_vec()),
-            period: Some(reference.period()),
-            settle: Some(SETTLE),
-            steps: STEPS,
-            ..cycle::Options::default()
-        };
-        let settled = cycle(system, p, &options).and_then(|found| Self::of(system, p, reference, &found));
-        settled.ok().filter(|o| o.slowest() < 0.0).map_or(near, Ok)
-    }
-
-    fn of(system: &dyn System, p: &[f64], reference: &Reference, found: &LimitCycle) -> Result<Self> {
-        let nx = found.start.len();
+        let nx = start.len();
         // The last sample is the first one of the next period.
         let samples = &found.trajectory.states[..(found.trajectory.t.len() - 1) * nx];
         let states = FourierSeries::from_samples(reference.period(), nx, samples)?.trimmed(1e-12);

@@ -15,8 +15,7 @@ const MOST: usize = 5;
 pub struct Case {
     /// Relative change of each varied parameter.
     pub changes: Vec<f64>,
-    /// Largest real part of the exponents of the closed loop's orbit, 1/s; `None` where no orbit was found. Where the orbit
-    /// nearest to the nominal one is unstable it is the stable one that the motion settles on, if any.
+    /// Largest real part of the exponents of the closed loop's orbit, 1/s; `None` where no orbit was found.
     pub slowest: Option<f64>,
     /// Largest distance of that orbit from the reference, per state, as a share of the reference's amplitude.
     pub error: Vec<f64>,
@@ -63,7 +62,7 @@ impl Spread {
             let changes: Vec<f64> = (0..parameters.len()).map(change).collect();
             let mut p = p.to_vec();
             parameters.iter().zip(&changes).for_each(|((number, _), change)| p[*number] *= 1.0 + change);
-            let orbit = Orbit::reached(system, &p, reference, start).ok();
+            let orbit = Orbit::find(system, &p, reference, start).ok();
             let slowest = orbit.as_ref().map(Orbit::slowest);
             Case { changes, slowest, error: orbit.map_or_else(Vec::new, |o| o.error) }
         };

@@ -10,6 +10,9 @@ use crate::model::System;
 /// Parameters that may vary at once: three values of each make 243 cases.
 const MOST: usize = 5;
 
+/// Steps from the nominal parameters to others.
+const STEPS: u32 = 4;
+
 /// A closed loop under other parameter values than those it was designed for.
 #[derive(Clone, Debug)]
 pub struct Case {
@@ -60,9 +63,11 @@ impl Spread {
                 (digit as f64 - 1.0) * parameters[k].1
             };
             let changes: Vec<f64> = (0..parameters.len()).map(change).collect();
-            let mut p = p.to_vec();
-            parameters.iter().zip(&changes).for_each(|((number, _), change)| p[*number] *= 1.0 + change);
-            let orbit = Orbit::find(system, &p, reference, start).ok();
+            let orbit = followed(system, reference, start, |share| {
+                let mut p = p.to_vec();
+                parameters.iter().zip(&changes).for_each(|((number, _), change)| p[*number] *= 1.0 + share * change);
+                p
+            });
             let slowest = orbit.as_ref().map(Orbit::slowest);
             Case { changes, slowest, error: orbit.map_or_else(Vec::new, |o| o.error) }
         };
@@ -89,4 +94,19 @@ impl Spread {
             if most.is_empty() { e.clone() } else { most.iter().zip(e).map(|(a, b)| a.max(*b)).collect() }
         })
     }
+}
+
+/// The orbit that the nominal one becomes while the parameters go to `p(1)` step by step: several may exist there, and it is
+/// this branch that a machine whose parameters drift follows. `None` where it is lost and none is found at once either.
+fn followed(system: &dyn System, reference: &Reference, start: &[f64], p: impl Fn(f64) -> Vec<f64>) -> Option<Orbit> {
+    let mut at = start.to_vec();
+    let mut orbit = None;
+    for step in 1..=STEPS {
+        orbit = Orbit::find(system, &p(f64::from(step) / f64::from(STEPS)), reference, &at).ok();
+        match &orbit {
+            Some(orbit) => at = orbit.states.value(0.0),
+            None => break,
+        }
+    }
+    orbit.or_else(|| Orbit::find(system, &p(1.0), reference, start).ok())
 }

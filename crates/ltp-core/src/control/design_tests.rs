@@ -16,10 +16,8 @@ fn the_bounded_problem_is_solved_from_any_seed() {
     for (limit, expected) in [(72.7, -7.66), (200.0, -9.20), (1000.0, -11.9)] {
         for seed in 0..3 {
             let options = Options { limit: Some(limit), fastest: Some(50.0), seed, ..Options::default() };
-            let start = std::time::Instant::now();
             let found = harmonic_balance(&system, &[], &options).expect("a gain");
             let value = found.figure("objective, 1/s").expect("it");
-            eprintln!("{limit} {seed}: {value:.4} {:?} {:.2?}", found.gain.value(0.0), start.elapsed());
             assert!(value < expected + 0.005, "{limit}, {seed}: {value}");
             assert!(found.figure("norm").expect("it") <= limit);
         }
@@ -40,7 +38,6 @@ fn the_corrected_inverted_problem_has_the_printed_optimum() {
             let options = Options { measure, slowest: Some(15.0), quadratic, seed, ..Options::default() };
             let found = harmonic_balance(&system, &[], &options).expect("a gain");
             let value = found.figure("objective, 1/s").expect("it");
-            eprintln!("{seed}: {value:.5} {:?} {:?}", found.gain.value(0.0), found.figures);
             assert!(value < printed, "{seed}: {value}");
         }
     }
@@ -50,7 +47,6 @@ fn the_corrected_inverted_problem_has_the_printed_optimum() {
 fn the_published_swarm_finds_it_too() {
     let options = Options { limit: Some(72.7), fastest: Some(50.0), search: Search::Swarm, ..Options::default() };
     let found = harmonic_balance(&downward(), &[], &options).expect("a gain");
-    eprintln!("swarm {:?}", found.figures);
     assert!(found.figure("objective, 1/s").expect("it") < -7.6);
 }
 
@@ -59,7 +55,6 @@ fn a_periodic_gain_does_what_no_constant_one_does() {
     let system = inverted(UP, UP, 0.1);
     let options = Options { measure: Measure::Exact, limit: Some(1000.0), harmonics: vec![0, 2], ..Options::default() };
     let found = harmonic_balance(&system, &[], &Options { budget: Some(30_000), ..options }).expect("a gain");
-    eprintln!("periodic {:?}", found.figures);
     assert!(found.figure("exact, 1/s").expect("it") < -2.0);
 }
 
@@ -74,7 +69,6 @@ fn the_worst_case_over_variants_is_the_objective() {
     let nominal = inverted(UP, UP, 0.1);
     let options = Options { measure: Measure::Exact, limit: Some(700.0), harmonics: vec![0, 2], ..Options::default() };
     let found = harmonic_balance(&nominal, &variants, &Options { budget: Some(12_000), ..options }).expect("a gain");
-    eprintln!("robust {:?}", found.figures);
     assert!(found.figure("exact, worst variant, 1/s").expect("it") < -0.93);
     assert!(harmonic_balance(&downward(), &[inverted(UP, UP, 0.1)], &Options::default()).is_err(), "another period");
 }

@@ -131,7 +131,6 @@ fn sampled_exponents_are_those_of_the_collocation() {
         let found = exact(&system, &harmonics).abscissa(&x, true, &mut spectrum, None).expect("modes");
         let gain = law(&system, &harmonics).series(&x).expect("a gain");
         let expected = system.closed(&gain).and_then(|closed| closed.exponents()).expect("exponents")[0].re;
-        eprintln!("sampled {found} collocation {expected}");
         assert!((found - expected).abs() < 1e-5 * expected.abs().max(1.0), "{found} {expected}");
     }
 }
@@ -145,26 +144,4 @@ fn what_does_not_fit_is_refused() {
     assert!(error.contains("at least 3"), "{error}");
     let wrong = Law::new(2, 4, 0.2, &[0]).expect("a law");
     assert!(Lifted::new(&system, &wrong, 2).is_err() && Exact::new(&system, &wrong, None).is_err());
-}
-
-#[test]
-#[ignore = "a measurement"]
-fn timing() {
-    let system = downward();
-    for (name, objective) in [
-        ("lifted 2", lifted(&system, &[0], 2)),
-        ("lifted 5", lifted(&system, &[0], 5)),
-        ("exact", exact(&system, &[0])),
-    ] {
-        let (mut spectrum, mut gradient) = (Spectrum::default(), Vec::new());
-        let mut best = f64::MAX;
-        for _ in 0..20 {
-            let start = std::time::Instant::now();
-            for _ in 0..200 {
-                objective.abscissa(&PRINTED, true, &mut spectrum, Some(&mut gradient)).expect("modes");
-            }
-            best = best.min(start.elapsed().as_secs_f64() / 200.0);
-        }
-        eprintln!("{name}: {:.2} us with gradient", best * 1e6);
-    }
 }

@@ -288,10 +288,6 @@ mod tests {
         for (system, q, r, shift, expected, tolerance) in cases {
             let found = periodic_lqr(system, &weights(q, r, shift), None).expect("a regulator");
             let (exponent, residual) = (found.figure("exact, 1/s").expect("it"), found.figure("residual").expect("it"));
-            eprintln!(
-                "{q:?} {r} {shift}: {exponent:.4} expected {expected}, residual {residual:.1e}, {}",
-                found.gain.harmonics()
-            );
             assert!((exponent - expected).abs() < tolerance, "{exponent} {expected}");
             assert!(residual < 1e-7 && found.warnings.is_empty(), "{found:?}");
         }
@@ -306,7 +302,6 @@ mod tests {
             let system = inverted(UP, UP, amplitude);
             let found = periodic_lqr(&system, &weights([1.0; 2], r, shift), Some(&[0, 2])).expect("a regulator");
             let exponent = found.figure("exact, 1/s").expect("it");
-            eprintln!("{amplitude} {r} {shift}: {exponent:.4} expected {expected} {:?}", found.figure("norm"));
             assert!((exponent - expected).abs() < 2e-3, "{exponent} {expected}");
             let mean = periodic_lqr(&system, &weights([1.0; 2], r, shift), Some(&[0])).expect("a regulator");
             assert!(mean.figure("exact, 1/s").expect("it") > -0.02);

@@ -19,6 +19,8 @@ use crate::numeric::rng::SplitMix64;
 const PERIODS: usize = 18;
 /// Decay per period, natural logarithm of a decade, that separates two blocks.
 const APART: f64 = std::f64::consts::LN_10;
+/// Cosine below which the basis after a period is orthogonal to what it should not contain.
+const INVARIANT: f64 = 1e-9;
 /// An imaginary part this small beside a negative real multiplier is rounding.
 const REAL: f64 = 1e-9;
 
@@ -60,11 +62,10 @@ impl LtpSystem {
         let mut first = 0;
         while first < nx {
             let mut last = first + 1;
-            while last < nx && (first..last).any(|i| rates[i] - rates[last] < APART) {
-                last += 1;
-            }
-            // Whatever follows faster than this block by less than a decade belongs to it too.
-            while let Some(next) = (last..nx).find(|&j| (first..last).any(|i| rates[i] - rates[j] < APART)) {
+            // What follows belongs to the block when it is faster by less than a decade, and when the block does not span an
+            // invariant subspace: the two rates of a complex pair differ as the basis happens to stand in its plane.
+            let tied = |i: usize, j: usize| rates[i] - rates[j] < APART || turn[(j, i)].abs() > INVARIANT;
+            while let Some(next) = (last..nx).rfind(|&j| (first..last).any(|i| tied(i, j))) {
                 last = next + 1;
             }
             found.extend(block(&factors, &turn, &rates, first, last)?);
@@ -156,6 +157,40 @@ mod tests {
         .expect("system");
         for (found, expected) in system.exponents().expect("exponents").iter().zip(rates) {
             assert!((found - Complex::from(expected)).norm() < 1e-10 * expected.abs().max(1.0), "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_complex_pair_stays_together_however_its_plane_is_sheared() {
+        // constant matrices: a slow mode, a pair whose plane is sheared by 30, and a fast mode
+        for shear in [1.0, 3.0, 30.0, 100.0] {
+            let system = LtpSystem::smooth(0.2, Size { nx: 4, nu: 0, ny: 0 }, move |_, entry| match entry {
+                Entry::A => vec![
+                    -0.6,
+                    1.0,
+                    0.5,
+                    0.2,
+                    0.0,
+                    -4.7,
+                    3.0 * shear,
+                    1.0,
+                    0.0,
+                    -3.0 / shear,
+                    -4.7,
+                    2.0,
+                    0.0,
+                    0.0,
+                    0.0,
+                    -17.8,
+                ],
+                _ => vec![],
+            })
+            .expect("system");
+            let expected =
+                [Complex::new(-0.6, 0.0), Complex::new(-4.7, 3.0), Complex::new(-4.7, -3.0), Complex::new(-17.8, 0.0)];
+            for (found, expected) in system.exponents().expect("exponents").iter().zip(expected) {
+                assert!((found - expected).norm() < 1e-9, "{shear}: {found} {expected}");
+            }
         }
     }
 

@@ -29,6 +29,7 @@ REGULATORS = (
 )
 #: Robust designs: amplitude, bound on the norm of the gain; bars on the exponent, nominal and worst, and on the voltage.
 ROBUST = ((NARROW, 188.0, -2.0, -0.93, 15.0), (WIDE, 150.0, -0.65, -0.65, 9.0), (WIDE, 190.0, -1.5, -0.65, 20.0))
+SAMPLES = 64  # of the orbit's rates over one period
 TRANSVERSE = 1e-3  # mu of van der Pol's oscillator, whose transversal exponent is -mu
 
 
@@ -166,7 +167,10 @@ def _transverse(rig: Rig) -> list[Row]:
         Row("van der Pol, mu 0.001: transversal exponent over -mu", float(left.real[0]) / -TRANSVERSE, "", low=0.999, high=1.001, digits=5)
     ]  # fmt: skip
     orbit = rig.orbit("4.5", WIDE)
-    rates = 1j * np.arange(orbit.state_coefficients.shape[0])[:, np.newaxis] * UP * orbit.state_coefficients
+    t = np.arange(SAMPLES) / SAMPLES * orbit.period
+    k = np.arange(len(orbit.state_coefficients))[:, np.newaxis]
+    lines = 2.0 * (1j * k * UP * orbit.state_coefficients)
+    rates = np.real(np.exp(1j * UP * t[:, np.newaxis] * k.T) @ lines)
     with quiet():
         around = rig.system("4.5", True, WIDE).transverse(rates)
         feedback = ltp.control(

@@ -11,6 +11,7 @@ from ltp.reproduce.duyul.loops import quiet
 from ltp.reproduce.duyul.rig import TRUNCATION, Array, Rig, gain
 from ltp.reproduce.result import Chapter, Picture, Row, Table
 
+LARGE = 25000.0  # a norm at which (3.16) has run off
 FASTEST = 50.0  # 1/s, the bound of (3.16) on the most negative real part
 #: Norm of the gain and the largest real part found under it, 1/s: the best of a separate prototype's searches.
 LIMITS = {72.7: -7.66, 200.0: -9.2, 1000.0: -11.9}
@@ -39,22 +40,10 @@ def chapter(rig: Rig) -> Chapter:
             )
         )
         rows.append(Row("  apart from the best seed", max(values) - min(values), "1/s", high=1e-3))
-        certificate = ltp.certify(
-            rig.hanging, rig.orbit("4.1"), found[0], deviations=rig.starts["down"], truncation=5, tolerated=False
-        )
-        run = certificate.runs[0]
-        cells.append(
-            [
-                f"{limit:g}",
-                "  ".join(f"{value:.2f}" for value in found[0].gain[0]),
-                f"{values[0]:.3f}",
-                f"{certificate.slowest:.3f}",
-                f"{run.feedback['V']:.1f} V",
-                "-" if run.settled["x"] is None else f"{run.settled['x']:.2f} s",
-            ]
-        )
-    free = design(down, fastest=None, seed=0)
-    rows.append(Row("(3.16) without any limit: norm of the gain it runs off to", _norm(free), "", high=np.inf, low=2e3))
+        cells.append(_cells(rig, limit, found[0]))
+    cells.append(_cells(rig, LARGE, design(down, limit=LARGE, fastest=None, seed=0)))
+    volts = float(cells[-1][4].split()[0])
+    rows.append(Row(f"(3.16), norm up to {LARGE:g}, the bound of -50 left out: feedback", volts, "V", low=1000.0))
     printed = _largest(down, gain("fig 4.3"))
     rows.append(
         Row("  the printed gain of figure 4.3, of norm 72.7", printed, "1/s", "-7.6", low=-7.597, high=-7.595, digits=4)
@@ -91,8 +80,8 @@ def chapter(rig: Rig) -> Chapter:
             _infeasible(up),
             "1/s",
             "-15",
-            low=-0.75,
-            high=-0.60,
+            low=-0.4165,
+            high=-0.4145,
         )
     )
     true = rig.system("4.5", true=True)
@@ -130,8 +119,21 @@ def design(system: ltp.LtpSystem, **options: object) -> ltp.Feedback:
         return ltp.control(system, truncation=TRUNCATION, **options)  # type: ignore[arg-type]
 
 
-def _norm(feedback: ltp.Feedback) -> float:
-    return float(np.linalg.norm(feedback.gain))
+def _cells(rig: Rig, limit: float, feedback: ltp.Feedback) -> list[str]:
+    """A design and what its loop does on the true orbit."""
+    certificate = ltp.certify(
+        rig.hanging, rig.orbit("4.1"), feedback, deviations=rig.starts["down"], truncation=5, tolerated=False
+    )
+    run = certificate.runs[0]
+    settled = run.settled["x"]
+    return [
+        f"{limit:g}",
+        "  ".join(f"{value:.2f}" for value in feedback.gain[0]),
+        f"{_largest(rig.system('4.1'), feedback):.3f}",
+        f"{certificate.slowest:.3f}",
+        f"{run.feedback['V']:.1f} V",
+        "-" if settled is None else f"{settled:.2f} s",
+    ]
 
 
 def _largest(system: ltp.LtpSystem, feedback: ltp.Feedback | Array) -> float:
@@ -149,9 +151,8 @@ def _stalled(rig: Rig, system: ltp.LtpSystem) -> list[ltp.Feedback]:
 
 
 def _infeasible(system: ltp.LtpSystem) -> float:
-    """The largest real part nearest to what (3.17) asks for as it is typed, from the refusal."""
-    found = [design(system, quadratic=QUADRATIC, seed=seed) for seed in SEEDS[:1]]
-    return _largest(system, found[0])
+    """The least largest real part under the other two constraints of (3.17), the worst of all seeds."""
+    return max(_largest(system, design(system, quadratic=QUADRATIC, seed=seed)) for seed in SEEDS)
 
 
 def _pictures(rig: Rig, down: ltp.LtpSystem, up: ltp.LtpSystem) -> list[Picture]:

@@ -162,8 +162,8 @@ mod tests {
 
     #[test]
     fn a_complex_pair_stays_together_however_its_plane_is_sheared() {
-        // constant matrices: a slow mode, a pair whose plane is sheared by 30, and a fast mode
-        for shear in [1.0, 3.0, 30.0, 100.0] {
+        // constant matrices: a slow mode, a pair whose plane is sheared, and a fast mode
+        for (shear, turn) in [1.0, 5.0, 30.0, 200.0].into_iter().flat_map(|s| (1..8).map(move |w| (s, f64::from(w)))) {
             let system = LtpSystem::smooth(0.2, Size { nx: 4, nu: 0, ny: 0 }, move |_, entry| match entry {
                 Entry::A => vec![
                     -0.6,
@@ -172,10 +172,10 @@ mod tests {
                     0.2,
                     0.0,
                     -4.7,
-                    3.0 * shear,
+                    turn * shear,
                     1.0,
                     0.0,
-                    -3.0 / shear,
+                    -turn / shear,
                     -4.7,
                     2.0,
                     0.0,
@@ -186,10 +186,10 @@ mod tests {
                 _ => vec![],
             })
             .expect("system");
-            let expected =
-                [Complex::new(-0.6, 0.0), Complex::new(-4.7, 3.0), Complex::new(-4.7, -3.0), Complex::new(-17.8, 0.0)];
+            let c = Complex::new;
+            let expected = [c(-0.6, 0.0), c(-4.7, turn), c(-4.7, -turn), c(-17.8, 0.0)];
             for (found, expected) in system.exponents().expect("exponents").iter().zip(expected) {
-                assert!((found - expected).norm() < 1e-9, "{shear}: {found} {expected}");
+                assert!((found - expected).norm() < 1e-9, "{shear}, {turn}: {found} {expected}");
             }
         }
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings as python_warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,9 @@ import numpy.typing as npt
 from ltp import _ltp
 from ltp._ltp import InputError
 from ltp.linearize import LtpSystem
+
+if TYPE_CHECKING:
+    from ltp.closed_loop import SimulationCost
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -135,6 +139,7 @@ def control(
     state_weights: npt.ArrayLike | None = None,
     input_weights: npt.ArrayLike | None = None,
     shift: float = 0.0,
+    cost: SimulationCost | None = None,
 ) -> Feedback:
     """State feedback `u = -K(t) x` for a smooth linear time-periodic system.
 
@@ -150,6 +155,8 @@ def control(
     method="periodic-lqr" minimises the integral of x'Qx + u'Ru with `state_weights` Q, (nx, nx) or its diagonal, and
     `input_weights` R, (nu, nu), its diagonal or a number; exponents are below `-shift` (1/s). With `harmonics`, only
     those of its gain are kept.
+
+    method="simulation" minimises `cost`, an `ltp.simulation_cost`, by the published swarm, under `limit` on the norm.
 
     Raises `InputError` for a pair that cannot be stabilised, constraints that cannot be kept (which, by how much), a
     truncation too low (which suffices), wrong shapes and unknown names; `ConvergenceError` where no regulator exists.
@@ -186,8 +193,13 @@ def control(
             float(shift),
             None if harmonics is None else list(harmonics),
         )
+    elif method == "simulation":
+        if cost is None or limit is None:
+            raise InputError("control: method 'simulation' needs cost=ltp.simulation_cost(...) and limit=; give both")
+        return cost.design(limit=limit, seed=seed, **({} if budget is None else {"budget": budget}))
     else:
-        raise InputError(f"control: there is no method {method!r}; choose 'harmonic-balance' or 'periodic-lqr'")
+        known = "'harmonic-balance', 'periodic-lqr' or 'simulation'"
+        raise InputError(f"control: there is no method {method!r}; choose {known}")
     feedback = Feedback.wrap(core)
     for warning in feedback.warnings:
         python_warnings.warn(f"control: {warning}", stacklevel=2)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
-from ltp.reproduce.duyul import lift, references
+from ltp.reproduce.duyul import beyond, designs, effort, hanging, inverted, lift, references
 from ltp.reproduce.duyul.rig import Rig
 from ltp.reproduce.page import Front
 from ltp.reproduce.result import Chapter, Reproduction
@@ -28,6 +28,11 @@ WORK = Work[Rig](
     (
         ("references", references.chapter),
         ("the lift", lift.chapter),
+        ("the hanging pendulum", hanging.chapter),
+        ("the inverted pendulum", inverted.chapter),
+        ("designs", designs.chapter),
+        ("beyond the thesis", beyond.chapter),
+        ("effort", effort.chapter),
     ),
 )
 
@@ -41,7 +46,7 @@ def cart_pendulum(
 ) -> Reproduction:
     """Reproduce the thesis, and answer what it leaves open: references, eigenvalues, loops, designs, robustness, cost.
 
-    out: a folder for the page `cart_pendulum.html` and its figures as PNG; made if it is not there. None writes nothing.
+    out: a folder for the page `cart_pendulum.html` and its figures; made if it is not there. None writes nothing.
     quick: fewer starts, truncations and runs, in a third of the time.
     progress: called with a message and the finished fraction; say: called with each chapter when it is done.
 

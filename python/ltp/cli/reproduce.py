@@ -21,9 +21,9 @@ def add(commands: common.Commands) -> None:
     parser = commands.add_parser(
         "reproduce",
         help="reproduce a published work figure by figure",
-        description="Reproduce a published work figure by figure: printed figures beside those of ltp, with the bounds\n"
-        "in which they have to lie. Writes a page that opens offline and its figures as PNG. A figure out of bounds\n"
-        "is exit code 1.\n\n" + "\n".join(f"  {name:14} {source}" for name, (_, source) in WORKS.items()),
+        description="Reproduce a published work figure by figure: printed figures beside those of ltp, with the\n"
+        "bounds in which they have to lie. Writes a page that opens offline and its figures as PNG. A figure out\n"
+        "of bounds is exit code 1.\n\n" + "\n".join(f"  {name:14} {source}" for name, (_, source) in WORKS.items()),
         epilog=common.epilog("ltp reproduce hopper --quick --out hopper"),
         formatter_class=common.Formatter,
     )

@@ -15,10 +15,11 @@ from ltp._ltp import InputError
 from ltp.files import check_writable, write_bytes, write_text
 from ltp.plots.numbers import MISSING
 from ltp.plots.style import styled
-from ltp.report.markup import escape, figure, paragraph, table
-from ltp.reproduce.result import HEAD, NONE, Chapter, Reproduction
+from ltp.report.markup import details, escape, figure, paragraph, table
+from ltp.reproduce.result import HEAD, NONE, Chapter, Reproduction, Table
 
 _DPI = 130
+LONG = 12  # rows of a table that is folded away
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,12 @@ def _cell(text: str) -> str:
     return MISSING if led == NONE else led
 
 
+def _table(each: Table) -> str:
+    """A short table stands open under its title, a long one opens when it is asked for."""
+    body = table(each.head, each.cells)
+    return details(each.title, body) if len(each.cells) > LONG else f"<h3>{escape(each.title)}</h3>\n{body}"
+
+
 def _section(index: int, chapter: Chapter, drawn: list[str]) -> str:
     # A missing figure is a dash of the width of a digit.
     rows = [[_cell(cell) for cell in row.cells()] for row in chapter.rows]
@@ -99,7 +106,7 @@ def _section(index: int, chapter: Chapter, drawn: list[str]) -> str:
         f'<section aria-labelledby="c{index}">\n<h2 id="c{index}">{escape(chapter.title)}</h2>',
         paragraph(chapter.sentence),
         table([cell or "figure" for cell in HEAD], rows),
-        *(f"<h3>{escape(each.title)}</h3>\n" + table(each.head, each.cells) for each in chapter.tables),
+        *(_table(each) for each in chapter.tables),
         *drawn,
         *(paragraph(note) for note in chapter.notes),
         f'<p class="facts">{chapter.seconds:.1f} s</p>\n</section>',

@@ -11,15 +11,15 @@ from matplotlib.figure import Figure
 import ltp
 from ltp.plots.tracking import Curve, Run, tracking
 from ltp.reproduce.duyul.loops import coordinates, quiet, voltage
-from ltp.reproduce.duyul.rig import SPREAD, UP, WIDE, Rig, gain
-from ltp.reproduce.duyul.thesis import PRESCRIBED
+from ltp.reproduce.duyul.rig import SPREAD, WIDE, Rig, gain
+from ltp.reproduce.duyul.thesis import PRESCRIBED, UP
 from ltp.reproduce.result import Chapter, Picture, Row, Table
 
 PERIODIC = (0, 2)  # harmonics of K0 + Re(K2 e^{2 j w t}): 12 numbers
 NARROW = PRESCRIBED["4.5"].amplitude
 WEIGHTS = (1.0, 1.0, 0.0, 0.0)
-#: Periodic regulators: amplitude (rad), weight of the input, shift (1/s); exponent of the whole gain and of its harmonics
-#: 0 and 2, worst exponent with one parameter changed at a time, 1/s, and peak feedback, V; from a separate prototype.
+#: Periodic regulators: amplitude (rad), weight of the input, shift (1/s); exponent of the whole gain and of its
+#: harmonics 0 and 2, worst with one parameter changed at a time, 1/s, peak feedback, V; from a separate prototype.
 REGULATORS = (
     (NARROW, 1e-4, 0.0, -0.673, -0.675, -0.625, 7.4),
     (NARROW, 1e-5, 0.0, -1.01, -1.023, -0.886, 16.7),
@@ -27,8 +27,12 @@ REGULATORS = (
     (WIDE, 1e-4, 0.0, -0.729, -0.732, -0.645, 9.2),
     (WIDE, 1e-2, 1.0, -2.04, -2.055, -0.283, 20.0),
 )
-#: Robust designs: amplitude, bound on the norm of the gain; bars on the exponent, nominal and worst, and on the voltage.
-ROBUST = ((NARROW, 188.0, -2.0, -0.93, 15.0), (WIDE, 140.0, -0.65, -0.65, 9.0), (WIDE, 205.0, -2.06, -0.65, 20.0))
+#: Robust designs: amplitude, bound on the norm of the gain; bars on the exponent, nominal and worst, and on volts.
+ROBUST = (
+    (NARROW, 188.0, -2.0, -0.93, 15.0),
+    (WIDE, 140.0, -0.65, -0.65, 9.0),
+    (WIDE, 205.0, -2.06, -0.65, 20.0),
+)
 SAMPLES = 64  # of the orbit's rates over one period
 TRANSVERSE = 1e-3  # mu of van der Pol's oscillator, whose transversal exponent is -mu
 
@@ -164,8 +168,15 @@ def _transverse(rig: Rig) -> list[Row]:
     cycle = ltp.cycle(oscillator)
     left = ltp.linearize(oscillator, cycle).transverse().system.exponents
     rows = [
-        Row("van der Pol, mu 0.001: transversal exponent over -mu", float(left.real[0]) / -TRANSVERSE, "", low=0.999, high=1.001, digits=5)
-    ]  # fmt: skip
+        Row(
+            "van der Pol, mu 0.001: transversal exponent over -mu",
+            float(left.real[0]) / -TRANSVERSE,
+            "",
+            low=0.999,
+            high=1.001,
+            digits=5,
+        )
+    ]
     orbit = rig.orbit("4.5", WIDE)
     t = np.arange(SAMPLES) / SAMPLES * orbit.period
     k = np.arange(len(orbit.state_coefficients))[:, np.newaxis]
@@ -178,9 +189,14 @@ def _transverse(rig: Rig) -> list[Row]:
         )
     closed = around.system.closed(feedback).exponents
     rows += [
-        Row("cart-pendulum at 0.105 rad, phase left free: transversal exponent", float(around.system.exponents.real.max()), "1/s", low=0.0),
+        Row(
+            "cart-pendulum at 0.105 rad, phase left free: transversal exponent",
+            float(around.system.exponents.real.max()),
+            "1/s",
+            low=0.0,
+        ),
         Row("  with a regulator of the three transversal states", float(closed.real.max()), "1/s", high=-0.5),
-    ]  # fmt: skip
+    ]
     return rows
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 import ltp
 from ltp.plots.landscape import Profile, landscape
 from ltp.reproduce.duyul.loops import quiet
-from ltp.reproduce.duyul.rig import TRUNCATION, Array, Rig, gain
+from ltp.reproduce.duyul.rig import TRUNCATION, Array, Rig, gain, spectrum
 from ltp.reproduce.result import Chapter, Picture, Row, Table
 
 LARGE = 25000.0  # a norm at which (3.16) has run off
@@ -138,7 +138,7 @@ def _cells(rig: Rig, limit: float, feedback: ltp.Feedback) -> list[str]:
 
 def _largest(system: ltp.LtpSystem, feedback: ltp.Feedback | Array) -> float:
     """Largest real part of all eigenvalues of the truncated lift: what the thesis minimises."""
-    return float(np.linalg.eigvals(system.closed(feedback).lift(TRUNCATION)).real.max())
+    return float(spectrum(system.closed(feedback).lift(TRUNCATION)).real.max())
 
 
 def _stalled(rig: Rig, system: ltp.LtpSystem) -> list[ltp.Feedback]:
@@ -162,7 +162,7 @@ def _pictures(rig: Rig, down: ltp.LtpSystem, up: ltp.LtpSystem) -> list[Picture]
         exact = np.empty(len(share))
         for i, s in enumerate(share):
             closed = system.closed(first + s * (second - first))
-            lifted[i] = np.linalg.eigvals(closed.lift(TRUNCATION)).real.max()
+            lifted[i] = spectrum(closed.lift(TRUNCATION)).real.max()
             exact[i] = closed.exponents.real.max()
         return Profile(title, share, {"20 eigenvalues": lifted, "exact": exact}, {"first": 0.0, "second": 1.0})
 

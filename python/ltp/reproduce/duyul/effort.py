@@ -73,13 +73,11 @@ def chapter(rig: Rig) -> Chapter:
         Row("  cost (4.4) of what it finds", swarm.figures["cost"], "", "0.1446", high=1.02 * OPTIMUM, digits=4),
     ]
     sentence = (
-        "The thesis reports 10 000 and 1 000 times less effort. Against a compiled simulation one evaluation is cheaper "
-        "by about two powers of ten, and a simulation is cheap enough to be designed with; what the lift gives is the "
+        "The thesis reports 10 000 and 1 000 times less effort. Against a compiled simulation one evaluation is "
+        "cheaper by about two powers of ten, and a simulation is cheap enough to be designed with; what the lift gives is the "
         "spectrum, not the time."
     )
-    return Chapter(
-        "Effort", sentence, rows, notes=["Times are of this computer, the best of several; no bar is set on them."]
-    )
+    return Chapter("Effort", sentence, rows, notes=["Times are of this computer, the best of several, without a bar."])
 
 
 def _best(call: Callable[[], object], rounds: int = ROUNDS) -> float:

@@ -112,12 +112,12 @@ def _pictures(rig: Rig) -> list[Picture]:
         return tracking([coordinates(found, "figure 4.3", shown), errors(found, "figure 4.4", shown)])
 
     def step() -> Figure:
-        found = _stepped(rig)
-        return tracking([coordinates(found, "figure 4.10", around, marks), errors(found, "figure 4.11", around, marks)])
+        found, shown = _stepped(rig), (0.0, 3.0)
+        return tracking([coordinates(found, "figure 4.10", shown), errors(found, "figure 4.11", shown)])
 
     def amplitude() -> Figure:
         found = _wider(rig)
-        volts = voltage(found, "figure 4.16", around, marks)
+        volts = voltage(found, "input, figure 4.16", around, marks)
         rows = [coordinates(found, "figure 4.13", around, marks), errors(found, "figure 4.14", around, marks)]
         return tracking([*rows, [volts, volts]])
 

@@ -37,15 +37,18 @@ def chapter(rig: Rig) -> Chapter:
         if words not in MEASURED:
             continue
         certificate = _certificate(rig, words)
+        own = certificate.orbit
+        if own is None:
+            raise ltp.ConvergenceError(f"{words}: {certificate.no_orbit}")
         exact = rig.system("4.5", true=True).closed(gain(words)).exponents
         lifted, along, around, true = (
             certificate.lifted[0].all,
             _slowest(certificate.exponents),
-            certificate.orbit.slowest,
+            own.slowest,
             _slowest(exact),
         )
         names = rig.inverted.states
-        errors = [100 * certificate.orbit.error[name] for name in names[:2]]
+        errors = [100 * own.error[name] for name in names[:2]]
         expected = MEASURED[words]
         cells.append([words, *(f"{v:.4f}" for v in (lifted, along, around, true)), *(f"{e:.2f} %" for e in errors)])
         paper = "unstable" if words in FAILING else "stable"
@@ -121,8 +124,15 @@ def _slow(rig: Rig) -> list[Row]:
         _near("slow mode of the open loop on the printed reference", printed, "-0.2295", -0.2295, 6e-5),
         _near("  on the true orbit", true, "", -0.0065, 6e-5),
         Row("  how much slower", printed / true, "", low=34.0, high=37.0),
-        Row("amplitude of theta at which the true orbit loses stability", low, "rad", low=PITCHFORK - 1e-5, high=PITCHFORK + 1e-5, digits=5),
-    ]  # fmt: skip
+        Row(
+            "amplitude at which the true orbit loses stability",
+            low,
+            "rad",
+            low=PITCHFORK - 1e-5,
+            high=PITCHFORK + 1e-5,
+            digits=5,
+        ),
+    ]
     for amplitude, expected in BEYOND.items():
         mode = _mode(rig.system("4.5", true=True, amplitude=amplitude))
         rows.append(Row(f"  slow mode at {amplitude:g} rad", mode, "1/s", low=expected - 0.005, high=expected + 0.005))

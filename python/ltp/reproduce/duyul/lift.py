@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 import ltp
 from ltp.plots.eigenvalues import Cloud, Plane, eigenvalues
-from ltp.reproduce.duyul.rig import TRUNCATION, Complex, Rig, apart, gain, matched
+from ltp.reproduce.duyul.rig import TRUNCATION, Complex, Rig, apart, gain, matched, spectrum
 from ltp.reproduce.duyul.thesis import PRESCRIBED, PRINTED_V, PRINTED_V_UP, TABLES, Sine
 from ltp.reproduce.result import Chapter, Picture, Row, Table
 
@@ -65,7 +65,7 @@ def chapter(rig: Rig) -> Chapter:
 
 def _closed(system: ltp.LtpSystem, words: str | None, truncation: int = TRUNCATION) -> Complex:
     closed = system if words is None else system.closed(gain(words))
-    return np.linalg.eigvals(closed.lift(truncation))
+    return spectrum(closed.lift(truncation))
 
 
 def _with_input(rig: Rig, equation: str, voltage: Sine) -> ltp.Reference:
@@ -79,16 +79,16 @@ def _halves(rig: Rig) -> list[Row]:
     lift = system.lift(TRUNCATION)
     nx = lift.shape[0] // (2 * TRUNCATION + 1)
     parts = [np.concatenate([np.arange(nx) + nx * block for block in blocks]) for blocks in ((0, 2, 4), (1, 3))]
-    halves = np.concatenate([np.linalg.eigvals(lift[np.ix_(part, part)]) for part in parts])
-    whole = np.linalg.eigvals(lift)
-    short = np.linalg.eigvals(system.shortened().lift(1))
+    halves = np.concatenate([spectrum(lift[np.ix_(part, part)]) for part in parts])
+    whole = spectrum(lift)
+    short = spectrum(system.shortened().lift(1))
     return [
         Row(
             "eigenvalues of order 20 against those of orders 12 and 8 together", apart(whole, halves), "1/s", high=1e-10
         ),
         Row(
             "  order 12 against twice the pumping frequency, one harmonic",
-            apart(np.linalg.eigvals(lift[np.ix_(parts[0], parts[0])]), short),
+            apart(spectrum(lift[np.ix_(parts[0], parts[0])]), short),
             "1/s",
             high=1e-10,
         ),
@@ -136,15 +136,15 @@ def _pictures(rig: Rig) -> list[Picture]:
         system = rig.system(equation)
         closed = system if words is None else system.closed(gain(words))
         t = np.arange(64) / 64 * closed.period
-        mean = np.linalg.eigvals(np.mean([closed.A(s) for s in t], axis=0))
+        mean = spectrum(np.mean([closed.A(s) for s in t], axis=0))
         modes = closed.lifted_modes(TRUNCATION)
-        copies = np.array([mode.value for mode in modes if mode.converged])
-        edges = np.array([mode.value for mode in modes if not mode.converged], dtype=complex)
+        copies = np.array([mode.value for mode in modes if mode.converged], dtype=np.complex128)
+        edges = np.array([mode.value for mode in modes if not mode.converged], dtype=np.complex128)
         return Plane(
             title,
             [
-                Cloud("copies of exponents", copies, "after"),
-                Cloud("artefacts of the edge", edges, "before", "s"),
+                Cloud("copies of exact exponents", copies, "after"),
+                Cloud("not converged at N = 2", edges, "before", "s"),
                 Cloud("of the mean alone", mean, "ink", "x"),
             ],
             0.5 * PRESCRIBED[equation].omega,
@@ -164,7 +164,7 @@ def _pictures(rig: Rig) -> list[Picture]:
     return [
         Picture(
             "fig4_1_hanging",
-            f"Figures 4.1 and 4.6: the hanging pendulum. The primary strip, {band:.2f} rad/s on either side, is shaded.",
+            f"Figures 4.1 and 4.6: the hanging pendulum. The primary strip of {band:.2f} rad/s is shaded.",
             down,
         ),
         Picture("fig4_25_inverted", "Figures 4.25 and 4.30: the inverted pendulum.", up),

@@ -1,8 +1,9 @@
 """Owns an emulation of MATLAB's ode45 at its default tolerances, which the thesis' references come from.
 
-The pair of J. R. Dormand and P. J. Prince (J. Comput. Appl. Math. 6 (1980) 19-26) with the step control documented for
-the MATLAB ODE suite (L. F. Shampine, M. W. Reichelt, SIAM J. Sci. Comput. 18 (1997) 1-22): RelTol 1e-3, AbsTol 1e-6, each
-step cut into four by the continuous extension. Loose on purpose; `ltp.simulate` is what to use for anything else.
+The pair of J. R. Dormand and P. J. Prince (J. Comput. Appl. Math. 6 (1980) 19-26) with the step control documented
+for the MATLAB ODE suite (L. F. Shampine, M. W. Reichelt, SIAM J. Sci. Comput. 18 (1997) 1-22): RelTol 1e-3, AbsTol
+1e-6, each step cut into four by the continuous extension. Loose on purpose; `ltp.simulate` is what to use for anything
+else.
 """
 
 from __future__ import annotations

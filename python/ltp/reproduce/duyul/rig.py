@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import cache, cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -63,7 +62,7 @@ class Rig:
         return self.along(equation, dict(zip(("x", "theta"), self.printed(equation), strict=True)))
 
     def along(self, equation: str, sines: Mapping[str, Sine]) -> ltp.Reference:
-        """A reference of sines for the model of an equation, whether or not it is an orbit; V from (3.1) if not given."""
+        """A reference of sines, whether or not it is an orbit; V from (3.1) if not given."""
         values = {name: (sine.amplitude, sine.phase, sine.offset) for name, sine in sines.items()}
         inputs = {"V": values.pop("V")} if "V" in values else None
         return ltp.Reference.sinusoids(self.model(equation), PRESCRIBED[equation].omega, values, inputs=inputs)
@@ -117,6 +116,11 @@ def gain(name: str) -> Array:
     return np.array([GAINS[name]])
 
 
+def spectrum(matrix: Array | Complex) -> Complex:
+    """Eigenvalues of a matrix."""
+    return np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128)
+
+
 def matched(printed: Complex, ours: Complex) -> Complex:
     """Our eigenvalues in the order of the printed ones, each taken once, the nearest pairs first."""
     apart = np.abs(printed[:, np.newaxis] - ours[np.newaxis, :])
@@ -132,8 +136,3 @@ def apart(printed: Complex, ours: Complex) -> float:
     """The largest difference of a real or imaginary part."""
     difference = matched(printed, ours) - printed
     return float(max(np.abs(difference.real).max(), np.abs(difference.imag).max()))
-
-
-def figure_of(feedback: Any, name: str) -> float:
-    """A figure of a design by its name."""
-    return float(feedback.figures[name])

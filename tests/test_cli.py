@@ -319,6 +319,42 @@ class TestIdentify:
         assert "record the orbit at the same times" in capsys.readouterr().err
 
 
+class TestControl:
+    WORDS = ("control", "zoo:cart_pendulum", "--follow", "x=0.05", "--hz", "1")
+
+    def test_a_design_with_its_certificate(self, capsys: pytest.CaptureFixture[str]) -> None:
+        words = ("--limit", "200", "--fastest", "50", "--deviation", "x=0.02", "--deviation", "theta=0.2")
+        assert main([*self.WORDS, *words]) == 0
+        out = capsys.readouterr().out
+        assert "stable: largest real part -9.2" in out
+        assert "peak of the feedback: V 10" in out
+        assert main([*self.WORDS, *words, "--json"]) == 0
+        tree = json.loads(capsys.readouterr().out)
+        assert tree["verdict"] == "stable"
+        assert max(real for real, _ in tree["orbit"]["exponents"]) == pytest.approx(-9.22, abs=0.02)
+
+    def test_a_regulator_and_other_parameters(self, capsys: pytest.CaptureFixture[str]) -> None:
+        weights = ("--method", "periodic-lqr", "--state-weights", "25,1,0,0", "--input-weights", "1e-3")
+        assert main([*self.WORDS, *weights, "--harmonics", "0,2", "--spread", "l_p=0.01"]) == 0
+        out = capsys.readouterr().out
+        assert "V, harmonic 2 imaginary" in out
+        assert "worst of the other parameters" in out
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (("--follow", "x"), "--follow"),
+            (("--follow", "y=1"), "y"),
+            (("--method", "periodic-lqr"), "state_weights"),
+            (("--method", "periodic-lqr", "--state-weights", "1,a"), "--state-weights 1,a"),
+            (("--spread", "l=0.01", "--limit", "100"), "l"),
+        ],
+    )
+    def test_bad_words(self, words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main([*self.WORDS, *words]) == 2
+        assert message in capsys.readouterr().err
+
+
 class TestReproduce:
     def test_a_missed_bound_is_exit_code_1(
         self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -7,10 +7,12 @@ import math
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 import ltp
-from ltp.reproduce import Chapter, Reproduction, Row, hopper
+from ltp.reproduce import Chapter, Reproduction, Row, Table, cart_pendulum, hopper
+from ltp.reproduce.duyul.ode45 import ode45
 
 
 @pytest.fixture(scope="module")
@@ -21,6 +23,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def done(folder: Path) -> Reproduction:
     return hopper(folder, quick=True)
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("reproduce") / "cart"
+
+
+@pytest.fixture(scope="module")
+def cart(place: Path) -> Reproduction:
+    return cart_pendulum(place, quick=True)
 
 
 class TestQuick:
@@ -73,6 +85,54 @@ class TestQuick:
         (tmp_path / "file").write_text("", encoding="utf-8")
         with pytest.raises(ltp.InputError, match="cannot make this folder"):
             hopper(tmp_path / "file" / "out")
+
+
+class TestCartPendulum:
+    def test_every_bound_is_kept(self, cart: Reproduction) -> None:
+        assert [f"{row.what}: {row.ours} not in {row.bar}" for row in cart.missed] == []
+        assert sum(row.passed is not None for row in cart.rows) > 130
+
+    def test_all_hundred_eigenvalues_are_shown(self, cart: Reproduction) -> None:
+        tables = [table for chapter in cart.chapters for table in chapter.tables if table.title.startswith("Table 4.")]
+        assert [table.title for table in tables] == [f"Table 4.{k}" for k in range(1, 6)]
+        assert sum(len(table.cells) for table in tables) == 100
+
+    def test_failing_gains_are_stable_and_say_why(self, cart: Reproduction) -> None:
+        chapter = next(chapter for chapter in cart.chapters if "Inverted" in chapter.title)
+        assert len(chapter.notes) == 2
+        for note in chapter.notes:
+            assert "the reference is not an orbit" in note
+            assert "transient growth" in note
+
+    def test_page_and_figures(self, cart: Reproduction, place: Path) -> None:
+        page = (place / "cart_pendulum.html").read_text(encoding="utf-8")
+        assert "://" not in page.replace("http://www.w3.org/", "")  # it opens offline
+        pictures = [picture for chapter in cart.chapters for picture in chapter.pictures]
+        assert page.count("<figure>") == len(pictures) >= 12
+        for picture in pictures:
+            assert (place / f"{picture.name}.png").read_bytes().startswith(b"\x89PNG")
+        assert page.count("<details>") == 5  # the long tables are folded away
+
+    def test_tables_are_in_the_tree(self) -> None:
+        chapter = Chapter("A", "B.", [], tables=[Table("T", ["a"], [["1"]])])
+        tree = Reproduction([chapter], 1.0).tree()
+        assert tree["chapters"][0]["tables"] == [{"title": "T", "head": ["a"], "cells": [["1"]]}]
+
+
+class TestOde45:
+    """The emulation of ode45: its order, and what loose tolerances do."""
+
+    def test_the_error_is_that_of_its_tolerance(self) -> None:
+        t, y = ode45(lambda t, y: np.array([y[1], -y[0]]), np.array([1.0, 0.0]), 20.0)
+        error = np.abs(y[:, 0] - np.cos(t)).max()
+        assert 1e-4 < error < 3e-2  # loose on purpose
+        assert t[-1] == 20.0
+        assert np.all(np.diff(t) > 0)
+        assert (len(t) - 1) % 4 == 0  # each step in four
+
+    def test_a_line_is_followed_exactly(self) -> None:
+        t, y = ode45(lambda t, y: np.array([2.0]), np.array([1.0]), 3.0)
+        assert np.abs(y[:, 0] - (1.0 + 2.0 * t)).max() < 1e-14
 
 
 class TestRow:

@@ -74,8 +74,8 @@ def chapter(rig: Rig) -> Chapter:
     ]
     sentence = (
         "The thesis reports 10 000 and 1 000 times less effort. Against a compiled simulation one evaluation is "
-        "cheaper by about two powers of ten, and a simulation is cheap enough to be designed with; what the lift gives is the "
-        "spectrum, not the time."
+        "cheaper by about two powers of ten, and a simulation is cheap enough to be designed with; what the lift "
+        "gives is the spectrum, not the time."
     )
     return Chapter("Effort", sentence, rows, notes=["Times are of this computer, the best of several, without a bar."])
 

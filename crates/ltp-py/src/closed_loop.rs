@@ -141,13 +141,16 @@ impl SimulationCost {
         descent: usize,
         budget: usize,
         seed: u64,
-    ) -> PyResult<(Bound<'py, PyArray2<Complex>>, Vec<(String, f64)>)> {
+    ) -> PyResult<Design<'py>> {
         let (core, search) = (Arc::clone(&self.core), Search { limit, particles, rounds, descent, budget, seed });
         let found = door::long(py, None, move |_| core::design_by_simulation(&core, &search))?;
         let lines = found.gain.coefficients().to_pyarray(py);
         Ok((lines.reshape([found.gain.harmonics() + 1, found.gain.rows()])?, found.figures))
     }
 }
+
+/// Fourier coefficients of a gain, and figures by name.
+type Design<'py> = (Bound<'py, PyArray2<Complex>>, Vec<(String, f64)>);
 
 /// The gain of a reference's period.
 fn gain_of(py: Python<'_>, reference: &Reference, gain: &Bound<'_, PyAny>) -> PyResult<FourierSeries> {

@@ -156,8 +156,8 @@ def _tree(reference: Reference, feedback: Feedback, certificate: Certificate) ->
 def _summary(reference: Reference, feedback: Feedback, certificate: Certificate) -> str:
     rows = []
     for k, matrix in feedback.harmonics.items():
-        parts = [("", matrix.real)] if k == 0 else [(" real", matrix.real), (" imaginary", matrix.imag)]
-        for words, part in parts:
+        shown = [("", matrix.real)] if k == 0 else [(" real", matrix.real), (" imaginary", matrix.imag)]
+        for words, part in shown:
             for name, row in zip(reference.input_names, part, strict=True):
                 rows.append([f"{name}, harmonic {k}{words}", *(f"{value:.6g}" for value in row)])
     exponents = [

@@ -25,7 +25,7 @@ from ltp.closed_loop import (
     simulation_cost,
     track,
 )
-from ltp.control import Feedback, Objective, closed_loop_eigenvalues, control
+from ltp.control import Objective, closed_loop_eigenvalues, control
 from ltp.cycle import CycleEvent, Domain, LimitCycle, Other, cycle
 from ltp.diagnose import (
     Candidate,
@@ -39,12 +39,13 @@ from ltp.diagnose import (
     ParameterChange,
     diagnose,
 )
+from ltp.feedback import Feedback
 from ltp.feedforward import Reference, feedforward
 from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
 from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
-from ltp.periodic import Floquet, LiftedMode, PeriodicGain, Transverse
+from ltp.periodic import Floquet, LiftedMode, Transverse
 from ltp.recording import Recording
 from ltp.simulate import Event, Stop, Trajectory, simulate
 from ltp.unclocked import (
@@ -96,7 +97,6 @@ __all__ = [
     "Other",
     "ParameterChange",
     "PeriodicArx",
-    "PeriodicGain",
     "Phase",
     "Ratio",
     "Recording",

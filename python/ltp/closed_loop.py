@@ -4,32 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ltp import _ltp
 from ltp._ltp import InputError
-from ltp.control import Feedback
+from ltp.feedback import Feedback, Gain, gain_coefficients
 from ltp.feedforward import Reference
 from ltp.model import Model
 
 Array = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]
-
-
-class PeriodicGain(Protocol):
-    """Anything with `harmonics` {k: (nu, nx)}, such as a Feedback: `K(t) = K_0 + Re sum_{k>0} K_k e^{j k w t}`."""
-
-    @property
-    def harmonics(self) -> Mapping[int, Any]:
-        """Complex gains by harmonic, from 0 up."""
-        ...
-
-
-# A gain: constant (nu, nx), or (nx,) for one input; by harmonics; or a Feedback.
-Gain = npt.ArrayLike | Mapping[int, npt.ArrayLike] | PeriodicGain
 
 
 @dataclass(frozen=True)
@@ -374,28 +361,9 @@ def _deviation(verb: str, model: Model, given: Mapping[str, float]) -> Array:
 
 def _gain(verb: str, model: Model, reference: Reference, gain: Gain) -> Complexes:
     """Fourier coefficients (K + 1, nu, nx, 1) of a gain."""
-    shape = (len(model.inputs), len(model.states))
-    period = getattr(gain, "period", None)
-    lines = getattr(gain, "harmonics", gain)
-    given: Mapping[int, Any] = lines if isinstance(lines, Mapping) else {0: lines}
-    out = np.zeros((max(given, default=0) + 1, *shape, 1), dtype=np.complex128)
-    for k, values in given.items():
-        try:
-            array = np.asarray(values, dtype=np.complex128)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{verb}: the gain is not an array of numbers ({error}); convert it") from None
-        if array.ndim == 1 and shape[0] == 1:
-            array = array[np.newaxis]
-        if array.shape != shape:
-            raise InputError(
-                f"{verb}: the gain has shape {array.shape}, expected {shape}: a row per input "
-                f"({', '.join(model.inputs)}), a column per state ({', '.join(model.states)})"
-            )
-        if k < 0:
-            raise InputError(f"{verb}: the gain has a harmonic {k}; give those from 0 on, the others are conjugates")
-        out[k, :, :, 0] = array if k == 0 else 0.5 * array
+    period, out = gain_coefficients(verb, gain, model.inputs, model.states)
     if len(out) > 1 and period is not None and abs(period - reference.period) > 1e-9 * reference.period:
         raise InputError(
             f"{verb}: the gain has the period {period:g} s, the reference {reference.period:g} s; they must be the same"
         )
-    return out
+    return out[..., np.newaxis]

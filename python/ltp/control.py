@@ -1,10 +1,9 @@
-"""Owns `ltp.control` and the noun `Feedback` in Python: state feedback for linear time-periodic systems."""
+"""Owns `ltp.control` in Python: designs of state feedback for linear time-periodic systems."""
 
 from __future__ import annotations
 
 import warnings as python_warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,82 +11,14 @@ import numpy.typing as npt
 
 from ltp import _ltp
 from ltp._ltp import InputError
+from ltp.feedback import Array, Complex, Feedback, numbers
 from ltp.linearize import LtpSystem
 
 if TYPE_CHECKING:
     from ltp.closed_loop import SimulationCost
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 #: Bounds on K Q K^T of the constant part: Q (nx, nx), least, most; `None` leaves a bound out.
 Form = tuple[npt.ArrayLike, float | None, float | None]
-
-
-@dataclass(frozen=True, eq=False)
-class Feedback:
-    """State feedback `u = -K(t) x` with `K(t) = harmonics[0] + sum_k Re(harmonics[k] e^{j k w t})` and `period` (s).
-
-    `harmonics` holds complex (nu, nx) matrices by their harmonic, in units of the input per unit of the state; `method`
-    says where the gain is from, `figures` what it does (largest real parts in 1/s), `warnings` what is doubtful.
-    """
-
-    period: float
-    harmonics: dict[int, Complex]
-    method: str
-    figures: dict[str, float]
-    warnings: list[str]
-    _core: _ltp.Feedback = field(repr=False)
-
-    @classmethod
-    def constant(cls, gain: npt.ArrayLike, period: float) -> Feedback:
-        """A constant gain (nu, nx), or (nx,) for one input, for a system of `period`, s.
-
-        Raises `InputError` for another shape, numbers that are not finite or a period that is not positive.
-        """
-        return cls.from_harmonics({0: np.atleast_2d(_numbers("gain", gain))}, period)
-
-    @classmethod
-    def from_harmonics(cls, harmonics: Mapping[int, npt.ArrayLike], period: float) -> Feedback:
-        """A periodic gain from its complex matrices (nu, nx) by harmonic, from 0 up; raises as `constant`."""
-        matrices = {int(k): np.atleast_2d(np.asarray(v, dtype=np.complex128)) for k, v in harmonics.items()}
-        shapes = {m.shape for m in matrices.values()}
-        if not matrices or len(shapes) != 1 or any(m.ndim != 2 for m in matrices.values()) or min(matrices) < 0:
-            raise InputError(
-                f"harmonics: found keys {sorted(matrices)} with shapes {sorted(shapes)}, expected matrices of one "
-                "shape (nu, nx) by harmonics from 0 up; correct them"
-            )
-        block = np.zeros((max(matrices) + 1, *shapes.pop(), 1), dtype=np.complex128)
-        for k, matrix in matrices.items():
-            block[k, :, :, 0] = matrix
-        return cls.wrap(_ltp.Feedback.of_harmonics(float(period), block))
-
-    @classmethod
-    def wrap(cls, core: _ltp.Feedback) -> Feedback:
-        """The Python side of a feedback of the core."""
-        harmonics = {k: matrix for k, matrix in enumerate(core.harmonics) if k == 0 or np.any(matrix)}
-        return cls(
-            period=core.period,
-            harmonics=harmonics,
-            method=core.method,
-            figures=dict(core.figures),
-            warnings=core.warnings,
-            _core=core,
-        )
-
-    @property
-    def gain(self) -> Array:
-        """The mean of K(t), (nu, nx): all of a constant gain."""
-        return np.ascontiguousarray(self.harmonics[0].real)
-
-    def at(self, t: npt.ArrayLike) -> Array:
-        """K(t) at a time, (nu, nx), or at times (n,), (n, nu, nx); s."""
-        times = _numbers("t", t)
-        values = self._core.at(np.atleast_1d(times))
-        return values if times.ndim else values[0]
-
-    def __repr__(self) -> str:
-        figures = "".join(f"; {name}: {value:.6g}" for name, value in self.figures.items())
-        return f"<ltp.Feedback {self.gain.shape} by {self.method}, harmonics {list(self.harmonics)}{figures}>"
 
 
 class Objective:
@@ -114,7 +45,7 @@ class Objective:
 
     def __call__(self, x: npt.ArrayLike) -> tuple[float, Array]:
         """Largest real part (1/s) at the unknowns `x` (n,), and its gradient (n,): a subgradient at a kink."""
-        return self._core.at(np.atleast_1d(_numbers("x", x)))
+        return self._core.at(np.atleast_1d(numbers("x", x)))
 
 
 def control(
@@ -220,12 +151,5 @@ def _feedback(gain: Feedback | npt.ArrayLike, lin: LtpSystem) -> Feedback:
 
 def _square(name: str, values: npt.ArrayLike) -> Array:
     """A square matrix from itself, its diagonal or a number."""
-    array = _numbers(name, values)
+    array = numbers(name, values)
     return np.diag(np.atleast_1d(array)) if array.ndim < 2 else np.ascontiguousarray(array)
-
-
-def _numbers(name: str, values: npt.ArrayLike) -> Array:
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: not an array of real numbers ({error}); convert it") from None

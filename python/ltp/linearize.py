@@ -12,18 +12,17 @@ import numpy.typing as npt
 from ltp import _ltp
 from ltp._ltp import InputError
 from ltp.cycle import LimitCycle
+from ltp.feedback import Gain, gain_coefficients
 from ltp.feedforward import Reference
 from ltp.htf import Htf
 from ltp.model import Model
 from ltp.periodic import (
     Floquet,
-    Gain,
     LiftedMode,
     Matrix,
     Transverse,
     core_from_functions,
     core_from_samples,
-    gain_coefficients,
     tangent_coefficients,
 )
 
@@ -189,10 +188,10 @@ class LtpSystem:
         """The highest harmonic of A and B above `share` of the largest of its entry; a lift of N holds up to 2N."""
         return self._core.bandwidth(float(share))
 
-    def closed(self, gain: Gain | npt.ArrayLike) -> LtpSystem:
+    def closed(self, gain: Gain) -> LtpSystem:
         """The system under `u = -K(t) x + v`: an array (nu, nx), or a gain with `period` and `harmonics`."""
-        nu, nx = len(self.input_names), len(self.state_names)
-        core = self._core.closed(*gain_coefficients(gain, nu, nx, self.period))
+        period, lines = gain_coefficients("LtpSystem.closed", gain, self.input_names, self.state_names)
+        core = self._core.closed(period or self.period, lines[:, np.newaxis])
         return self._named(core, self.state_names, self.input_names, self.output_names)
 
     def transverse(self, tangent: npt.ArrayLike | None = None) -> Transverse:

@@ -1,51 +1,23 @@
-"""Owns what linear periodic systems are made from and taken apart into: gains, Floquet, lifted modes, transverse."""
+"""Owns what linear periodic systems are made from and taken apart into: Floquet, lifted modes, transverse."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from ltp import _ltp
 from ltp._ltp import InputError
+from ltp.feedback import Array, Complex, Feedback, Gain, gain_coefficients
 
 if TYPE_CHECKING:
     from ltp.linearize import LtpSystem
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 Matrix = Callable[[float], npt.ArrayLike] | npt.ArrayLike
-
-
-@runtime_checkable
-class Gain(Protocol):
-    """A periodic gain: `K(t) = harmonics[0] + Re sum_{k > 0} harmonics[k] e^{j k w t}`, each (nu, nx)."""
-
-    @property
-    def period(self) -> float:
-        """Period, s."""
-
-    @property
-    def harmonics(self) -> Mapping[int, Complex]:
-        """Complex (nu, nx) by harmonic k >= 0."""
-
-
-@dataclass(frozen=True, eq=False)
-class PeriodicGain:
-    """A periodic gain `K(t) = harmonics[0] + Re sum_{k > 0} harmonics[k] e^{j k w t}`, each (nu, nx), of `period` s."""
-
-    period: float
-    harmonics: dict[int, Complex]
-
-    def at(self, t: float) -> Array:
-        """K(t) (nu, nx) at `t`, s."""
-        turn = 2j * np.pi * t / self.period
-        terms = [(value * np.exp(k * turn)).real for k, value in self.harmonics.items()]
-        return cast(Array, np.sum(terms, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,32 +86,13 @@ class Transverse:
         """The tangent (nx,) at `t`, s."""
         return _value(self._core.tangent, self.period, t)
 
-    def gain(self, transverse: Gain | npt.ArrayLike) -> PeriodicGain:
+    def gain(self, transverse: Gain) -> Feedback:
         """The gain on all states, `K(t) = K_perp(t) Z(t)^T`, of a gain (nu, nx - 1) on the transverse ones."""
-        nu, narrow = len(self.system.input_names), len(self.system.state_names)
-        period, coefficients = gain_coefficients(transverse, nu, narrow, self.period)
-        whole = self._core.gain(period, coefficients).reshape(-1, nu, narrow + 1)
-        return PeriodicGain(self.period, {k: c if k == 0 else 2.0 * c for k, c in enumerate(whole)})
-
-
-def gain_coefficients(gain: Gain | npt.ArrayLike, nu: int, nx: int, period: float) -> tuple[float, Complex]:
-    """Period, s, and Fourier coefficients (K + 1, 1, nu, nx) of a gain: an array (nu, nx), or with harmonics."""
-    if isinstance(gain, Gain):
-        harmonics, period = gain.harmonics, float(gain.period)
-    else:
-        try:
-            harmonics = {0: np.atleast_2d(np.asarray(gain, dtype=np.float64)).astype(np.complex128)}
-        except (TypeError, ValueError) as error:
-            raise InputError(f"gain: not an array of real numbers ({error}); give (nu, nx)") from None
-    if not harmonics or min(harmonics) < 0:
-        raise InputError(f"gain: harmonics are {sorted(harmonics)}, expected numbers from 0 on")
-    out = np.zeros((max(harmonics) + 1, 1, nu, nx), dtype=np.complex128)
-    for k, value in harmonics.items():
-        given = np.asarray(value, dtype=np.complex128)
-        if given.shape != (nu, nx):
-            raise InputError(f"gain, harmonic {k}: found shape {given.shape}, expected {(nu, nx)}, inputs by states")
-        out[k, 0] = given if k == 0 else 0.5 * given
-    return period, out
+        inputs, states = self.system.input_names, self.system.state_names
+        period, lines = gain_coefficients("Transverse.gain", transverse, inputs, states)
+        whole = self._core.gain(period or self.period, lines[:, np.newaxis])
+        whole = whole.reshape(-1, len(inputs), len(states) + 1)
+        return Feedback.from_harmonics({k: c if k == 0 else 2.0 * c for k, c in enumerate(whole)}, self.period)
 
 
 def tangent_coefficients(samples: npt.ArrayLike, nx: int) -> Complex:

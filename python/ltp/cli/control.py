@@ -9,7 +9,8 @@ from typing import Any
 from ltp._ltp import InputError
 from ltp.cli import common, text
 from ltp.closed_loop import Certificate, certify
-from ltp.control import Feedback, control
+from ltp.control import control
+from ltp.feedback import Feedback
 from ltp.feedforward import Reference, feedforward
 from ltp.linearize import linearize
 

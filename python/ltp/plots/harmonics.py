@@ -19,11 +19,15 @@ LEAST = 1e-9
 
 @styled
 def harmonics(
-    sets: Mapping[str, Mapping[str, npt.NDArray[np.complex128]]], *, columns: int = 3, height: float | None = None
+    sets: Mapping[str, Mapping[str, npt.NDArray[np.complex128]]],
+    *,
+    columns: int = 3,
+    height: float | None = None,
+    axis: str = "harmonic",
 ) -> Figure:
     """A panel for each entry: amplitude of each harmonic, stems side by side for each set.
 
-    sets: by name of the set, entries by name, each the coefficients (K+1,) of harmonics 0 to K.
+    sets: by name of the set, entries by name, each the coefficients (K+1,) of harmonics 0 to K; axis: what these count.
     """
     entries = list(next(iter(sets.values())))
     rows = -(-len(entries) // columns)
@@ -50,7 +54,7 @@ def harmonics(
     decade_ticks(grid[0][0], least, 3 * most)
     for number, axes in enumerate(grid.ravel()[: len(entries)]):
         if number + columns >= len(entries):
-            axes.set_xlabel("harmonic")
+            axes.set_xlabel(axis)
             axes.tick_params(axis="x", labelbottom=True)
     for across in grid:
         across[0].set_ylabel("amplitude")

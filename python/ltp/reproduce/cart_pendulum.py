@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
-from ltp.reproduce.duyul import beyond, designs, effort, hanging, inverted, lift, references
+from ltp.reproduce.duyul import beyond, designs, effort, example, hanging, inverted, lift, references
 from ltp.reproduce.duyul.rig import Rig
 from ltp.reproduce.page import Front
 from ltp.reproduce.result import Chapter, Reproduction
@@ -26,6 +26,7 @@ WORK = Work[Rig](
         "vertical.",
     ),
     (
+        ("an example", example.chapter),
         ("references", references.chapter),
         ("the lift", lift.chapter),
         ("the hanging pendulum", hanging.chapter),

@@ -69,10 +69,8 @@ def _loop(rig: Rig, equation: str, words: str) -> ltp.Tracked:
 
 
 def _open(rig: Rig) -> list[Row]:
-    """The input alone, from rest: the pendulum finds its orbit."""
-    reference = rig.reference("4.1")
-    rest = {name: -value for name, value in zip(rig.hanging.states, reference.states(0.0)[0], strict=True)}
-    found = ltp.track(rig.hanging, [(reference, [[0.0, 0.0, 0.0, 0.0]], 8.0)], deviation=rest)
+    """How long the pendulum takes to find its orbit under the input alone."""
+    reference, found = rig.reference("4.1"), _from_rest(rig)
     column = found.state_names.index("theta")
     error = abs(found.states[:, column] - found.references[:, column])
     rows = []
@@ -81,6 +79,13 @@ def _open(rig: Rig) -> list[Row]:
         words = f"open loop from rest (fig 4.2): theta within {100 * share:.0f} % after"
         rows.append(Row(words, last, "s", "about 3 s", low=expected - TIMES, high=expected + TIMES))
     return rows
+
+
+def _from_rest(rig: Rig) -> ltp.Tracked:
+    """The input alone, from rest."""
+    reference = rig.reference("4.1")
+    rest = {name: -value for name, value in zip(rig.hanging.states, reference.states(0.0)[0], strict=True)}
+    return ltp.track(rig.hanging, [(reference, [[0.0, 0.0, 0.0, 0.0]], 8.0)], deviation=rest)
 
 
 def _stepped(rig: Rig) -> ltp.Tracked:
@@ -111,6 +116,16 @@ def _pictures(rig: Rig) -> list[Picture]:
         found, shown = _loop(rig, "4.1", "fig 4.3"), (0.0, 3.0)
         return tracking([coordinates(found, "figure 4.3", shown), errors(found, "figure 4.4", shown)])
 
+    def open_loop() -> Figure:
+        return tracking([coordinates(_from_rest(rig), "figures 3.3 and 4.2: the input alone, from rest", (0.0, 5.0))])
+
+    def others() -> Figure:
+        rows = [
+            errors(_loop(rig, equation, words), words, (0.0, 4.0))
+            for words, equation in (("fig 4.7", "4.2"), ("fig 4.23", "4.1"))
+        ]
+        return tracking(rows)
+
     def step() -> Figure:
         found, shown = _stepped(rig), (0.0, 3.0)
         return tracking([coordinates(found, "figure 4.10", shown), errors(found, "figure 4.11", shown)])
@@ -128,7 +143,15 @@ def _pictures(rig: Rig) -> list[Picture]:
         return tracking(rows)
 
     return [
+        Picture(
+            "fig4_2_open_loop",
+            "Figures 3.3 and 4.2: the pendulum finds its orbit, the cart stays off its own.",
+            open_loop,
+        ),
         Picture("fig4_3_closed_loop", "Figures 4.3 and 4.4: from 2 cm and 0.2 rad off the reference.", closed),
+        Picture(
+            "fig4_8_errors", "Figures 4.8 and 4.24: errors at 0.8 Hz, and under the gain that simulation found.", others
+        ),
         Picture("fig4_10_position", "Figures 4.10 and 4.11: the cart is asked to go 10 cm aside.", step),
         Picture(
             "fig4_13_amplitude", "Figures 4.13, 4.14 and 4.16: a wider orbit under the input of the old one.", amplitude

@@ -30,7 +30,7 @@ def coordinates(
     for name in SHOWN:
         column = tracked.state_names.index(name)
         curves = [
-            Curve("closed loop", tracked.states[shown, column], "after"),
+            Curve("motion", tracked.states[shown, column], "after"),
             Curve("reference", tracked.references[shown, column], "ink", dashed=True),
         ]
         panels.append(Run(words, tracked.t[shown], curves, name, UNITS[name], dict(marks or {})))
@@ -54,5 +54,5 @@ def errors(
 def voltage(tracked: ltp.Tracked, words: str, window: tuple[float, float], marks: Mapping[str, float]) -> Run:
     """The input."""
     shown = (tracked.t >= window[0]) & (tracked.t <= window[1])
-    curves = [Curve("closed loop", tracked.inputs[shown, 0], "after")]
+    curves = [Curve("motion", tracked.inputs[shown, 0], "after")]
     return Run(words, tracked.t[shown], curves, "V", UNITS["V"], dict(marks))

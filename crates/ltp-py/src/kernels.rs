@@ -23,6 +23,7 @@ fn observations(rows: &Rows<'_>) -> Observations {
     let view = rows.readonly();
     let view = view.as_array();
     let mut observations = Observations::new(view.ncols());
+    observations.reserve(view.nrows());
     let mut row = Vec::new();
     for u in view.rows() {
         row.clear();

@@ -24,6 +24,12 @@ impl Observations {
         Self { n, first: vec![0], rows: Vec::new(), power: 0.0 }
     }
 
+    /// Makes room for so many further rows at once: growing step by step copies all of them several times.
+    pub fn reserve(&mut self, rows: usize) {
+        self.rows.reserve(rows * 2 * padded(self.n));
+        self.first.reserve(rows);
+    }
+
     /// Adds a step with these rows (each of `n` coefficients `u` of `y = u^T x`); a step without rows is a gap.
     pub fn step<'a>(&mut self, rows: impl IntoIterator<Item = &'a [Complex]>) {
         let stride = padded(self.n);

@@ -38,16 +38,22 @@ class Run:
 
 @styled
 def tracking(rows: Sequence[Sequence[Run]], *, height: float | None = None) -> Figure:
-    """Rows of panels on common time axes, column by column."""
+    """Rows of panels on common time axes, column by column; a row of one panel goes across all columns."""
     figure = new_figure(height if height is not None else 0.7 + 1.65 * len(rows))
-    grid = figure.subplots(len(rows), len(rows[0]), squeeze=False, sharex="col")
-    for across, row in zip(grid, rows, strict=True):
-        for axes, run in zip(across, row, strict=True):
+    columns = max(len(row) for row in rows)
+    grid = figure.add_gridspec(len(rows), columns)
+    panels = []
+    for i, row in enumerate(rows):
+        below = i + 1 == len(rows) or len(rows[i + 1]) != len(row)
+        for j, run in enumerate(row):
+            axes = figure.add_subplot(grid[i, :] if len(row) == 1 else grid[i, j])
             _panel(axes, run)
-    for axes in grid[-1]:
-        axes.set_xlabel("time (s)")
-    figure.align_ylabels([axes for across in grid for axes in across])
-    shared_legend(figure, [axes for across in grid for axes in across])
+            axes.tick_params(axis="x", labelbottom=below)
+            if below:
+                axes.set_xlabel("time (s)")
+            panels.append(axes)
+    figure.align_ylabels(panels)
+    shared_legend(figure, panels)
     return figure
 
 

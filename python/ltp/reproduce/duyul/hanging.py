@@ -134,7 +134,7 @@ def _pictures(rig: Rig) -> list[Picture]:
         found = _wider(rig)
         volts = voltage(found, "input, figure 4.16", around, marks)
         rows = [coordinates(found, "figure 4.13", around, marks), errors(found, "figure 4.14", around, marks)]
-        return tracking([*rows, [volts, volts]])
+        return tracking([*rows, [volts]])
 
     def phases() -> Figure:
         rows = []

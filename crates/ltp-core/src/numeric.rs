@@ -7,10 +7,12 @@
 //! spacing; [`smoother`] fits unknowns that bend little along an axis, [`penalised`] does the same through one [`banded`]
 //! system; [`fourier_series`] is a periodic signal, [`gauss`] carries collocation, [`eigen`] finds eigenvalues,
 //! [`moving_eigen`] those that an optimiser moves; [`matrix_function`] is the logarithm and
-//! the exponential of a matrix; [`minimise`] is for functions with kinks and several valleys.
+//! the exponential of a matrix; [`minimise`] is for functions with kinks and several valleys; [`divisor`] is
+//! what whole numbers share.
 
 pub mod banded;
 pub mod chirp_z;
+pub mod divisor;
 pub mod eigen;
 pub mod fft;
 pub mod folded;

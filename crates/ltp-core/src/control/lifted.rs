@@ -13,6 +13,7 @@ use super::law::{Law, Wave};
 use super::spectrum::{Mode, Spectrum};
 use crate::error::{Error, Result};
 use crate::numeric::Complex;
+use crate::numeric::divisor::gcd;
 use crate::numeric::moving_eigen::Eigenpairs;
 use crate::periodic::{Entry, LtpSystem};
 
@@ -248,10 +249,6 @@ pub(super) fn step(a: &[Vec<Complex>], b: &[Vec<Complex>], gain: &[usize]) -> us
         step = present.fold(step, |d, (h, _)| gcd(d, h));
     }
     step
-}
-
-fn gcd(a: usize, b: usize) -> usize {
-    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 /// Refuses systems with jumps.

@@ -20,6 +20,7 @@ use nalgebra::{DMatrix, DVector};
 use super::Spectra;
 use super::spectra::Record;
 use crate::error::{Error, Result};
+use crate::numeric::divisor::gcd;
 use crate::numeric::{Complex, stats};
 use crate::periodic::Htf;
 
@@ -333,10 +334,6 @@ fn solve(
     let variance = noise + from_inputs;
     let deviations = (0..sources.len()).map(|i| (inverse[(i, i)].re.max(0.0) * variance).sqrt()).collect();
     Ok((solved.iter().copied().collect(), deviations))
-}
-
-fn gcd(a: i64, b: i64) -> i64 {
-    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 #[cfg(test)]

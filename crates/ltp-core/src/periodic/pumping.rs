@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use super::system::{Entry, LtpSystem, NODES, Segment};
 use crate::error::{Error, Result};
+use crate::numeric::divisor::gcd;
 use crate::numeric::{Complex, fft};
 
 /// Share of the largest coefficient of an entry below which a harmonic is rounding.
@@ -132,8 +133,4 @@ impl LtpSystem {
         let there = |k: &usize| lines.iter().zip(&sizes).any(|(l, s)| l[*k].norm() > share * s.max(floor));
         (1..=highest).filter(there).collect()
     }
-}
-
-fn gcd(a: usize, b: usize) -> usize {
-    if b == 0 { a } else { gcd(b, a % b) }
 }

@@ -94,10 +94,10 @@ def chapter(rig: Rig) -> Chapter:
         cells.append(_cells(name, certificate))
     rows += _transverse(rig)
     sentence = (
-        "On the true orbits no constant gain was found that survives all corners of the parameters' ranges: the best for "
-        "them along the nominal orbit loses the orbits its loops then have. A gain with one more harmonic does: twelve "
-        "numbers, designed for the worst of all corners, beat the periodic regulator in speed and in robustness at the "
-        "same voltage, and leave no error."
+        "On the true orbits no constant gain was found that survives all corners of the parameters' ranges: the best "
+        "for them along the nominal orbit loses the orbits its loops then have. A gain with one more harmonic does: "
+        "twelve numbers, designed for the worst of all corners, beat the periodic regulator in speed and in robustness "
+        "at the same voltage, and leave no error."
     )
     head = ["gain", "exponent", "worst corner", "feedback", "x settles", "error at the worst"]
     return Chapter("Beyond the thesis", sentence, rows, _pictures(rig), [], [Table("Periodic gains", head, cells)])

@@ -168,8 +168,8 @@ def _drawn(system: ltp.LtpSystem, count: int) -> float:
 
 
 def _pictures(rig: Rig, down: ltp.LtpSystem, up: ltp.LtpSystem) -> list[Picture]:
-    def profile(system: ltp.LtpSystem, first: Array, second: Array, title: str) -> Profile:
-        share = np.linspace(-1.0, 2.0, 121)
+    def profile(system: ltp.LtpSystem, first: Array, second: Array, title: str, begin: float) -> Profile:
+        share = np.linspace(begin, 2.0, 121)
         lifted = np.empty(len(share))
         exact = np.empty(len(share))
         for i, s in enumerate(share):
@@ -182,8 +182,8 @@ def _pictures(rig: Rig, down: ltp.LtpSystem, up: ltp.LtpSystem) -> list[Picture]
         stiff = design(down, limit=200.0, fastest=FASTEST, seed=0).gain
         return landscape(
             [
-                profile(down, gain("fig 4.3"), stiff, "hanging: figure 4.3 to the optimum at norm 200 (3.7)"),
-                profile(up, gain("fig 4.27"), gain("fig 4.33"), "inverted: figure 4.27 to figure 4.33 (3.8)"),
+                profile(down, gain("fig 4.3"), stiff, "hanging: figure 4.3 to the optimum at norm 200 (3.7)", -1.0),
+                profile(up, gain("fig 4.27"), gain("fig 4.33"), "inverted: figure 4.27 to figure 4.33 (3.8)", -0.1),
             ],
             name="largest real part",
         )

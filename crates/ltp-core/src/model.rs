@@ -292,6 +292,11 @@ impl Model {
         Ok(program::Program::plain(&self.assembly.graph, &[position, velocity]))
     }
 
+    /// Where an effect may act in this model.
+    pub fn places(&self, _effect: &str) -> Vec<String> {
+        self.ports().into_iter().map(String::from).collect()
+    }
+
     /// Units of a port's force, position and velocity.
     ///
     /// # Errors

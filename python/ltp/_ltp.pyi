@@ -40,8 +40,8 @@ __all__ = [
     "cycle",
     "cycle_average",
     "diagnose",
-    "e_rms",
     "draw_case",
+    "e_rms",
     "effect_names",
     "effect_text",
     "feedforward",
@@ -662,9 +662,7 @@ def conceal(
     amplitude: float = 4.0,
     seed: int = 0,
 ) -> _Case: ...
-def draw_case(
-    system: str, difficulty: str, seed: int, effect: str | None = None, at: str | None = None
-) -> _Case: ...
+def draw_case(system: str, difficulty: str, seed: int, effect: str | None = None, at: str | None = None) -> _Case: ...
 def case_choices() -> tuple[list[str], list[str]]: ...
 def switch_events(
     recording: Recording, channel: str, level: float | None = None

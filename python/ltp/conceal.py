@@ -166,15 +166,15 @@ def draw(
     effect: str | None = None,
     at: str | None = None,
 ) -> Drawn:
-    """Draw a case from system, difficulty and seed, as `ltp prove` does; `effect` and `at`, together, fix what is concealed.
+    """Draw a case from system, difficulty and seed, as `ltp prove` does.
 
-    system: "cart_pendulum", "pendulum", "duffing", "two_mass", "drive" or "hopper". difficulty: "open" (the effect changes
-    the output by 40 dB over the noise), "noisy" (20 dB), "masked" (20 dB, stated parameters refitted so that the model looks
-    good), "buried" (0 to 10 dB below the noise), "pair" (two effects), "clean" (none), "outside" (a law that the library
-    does not hold).
+    system: "cart_pendulum", "pendulum", "duffing", "two_mass", "drive" or "hopper". difficulty: "open" (the effect
+    changes the output by 40 dB over the noise), "noisy" (20 dB), "masked" (20 dB, stated parameters refitted so that
+    the model looks good), "buried" (0 to 10 dB below the noise), "pair" (two effects), "clean" (none), "outside" (a law
+    that the library does not hold). effect, at: what is concealed, where it is not to be drawn; give both or neither.
 
-    Two train records and one held-out one. Raises `InputError` for a name that does not exist and `ConvergenceError` when
-    the effect leaves no trace in this machine however it is drawn.
+    Two train records and one held-out one. Raises `InputError` for a name that does not exist and `ConvergenceError`
+    when the effect leaves no trace in this machine however it is drawn.
     """
     case = _ltp.draw_case(system, difficulty, seed, effect, at)
     return Drawn(

@@ -1,16 +1,18 @@
 //! The noun `Case`: recordings of a model with concealed physics, made by integrators that share nothing with the one
 //! under test. A diagnosis that names the physics cannot owe it to a shared error.
 //!
-//! Read in order: `extrapolation` (one step), `slip` (set-valued friction), `machine` (a model and what is concealed in it),
-//! [`truth`] (a run with its events), [`mod@strang`] (the slow integrator that the truth is held against), `setups` (how each
-//! machine is excited and recorded), `palette` (which effects are drawn, and how large), `trace` (what the nominal
-//! parameters can imitate), [`draw`] (a case from system, difficulty and seed), `recipe` (the demonstration).
+//! Read in order: `extrapolation` (one step), `slip` (set-valued friction), `machine` (a model and what is concealed in
+//! it), `sensing` (late sensors and play), [`truth`] (a run with its events), [`mod@strang`] (the slow integrator that the
+//! truth is held against), `setups` (how each machine is excited and recorded), `palette` (which effects are drawn, and how
+//! large), `trace` (what the nominal parameters can imitate), [`mod@draw`] (a case from system, difficulty and seed),
+//! `recipe` (the demonstration).
 
 pub mod draw;
 mod extrapolation;
 mod machine;
 mod palette;
 mod recipe;
+mod sensing;
 mod setups;
 mod slip;
 pub mod strang;

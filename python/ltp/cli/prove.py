@@ -21,8 +21,8 @@ def add(commands: common.Commands) -> None:
         "prove",
         help="conceal physics many times over, diagnose, and score what was said",
         description="Draw cases from model, effect, size, difficulty and seed, write recordings through an integrator\n"
-        "that shares nothing with the one under test, print a SHA-256 of all labels, diagnose each case from its files\n"
-        "alone, open the labels, and print the score against the bars. A folder that was left half done is continued.",
+        "that shares nothing with the one under test, print a SHA-256 of all labels, diagnose each case from files\n"
+        "alone, open the labels, and print the score against the bars. A folder left half done is continued.",
         epilog=common.epilog(
             "ltp prove --cases 4 --difficulty open --system drive --out proof",
             "ltp prove --cases 4 --difficulty open --system drive --out proof --json",

@@ -1,7 +1,7 @@
 """Owns `prove`: cases with concealed physics are drawn, sealed, diagnosed from files alone, opened and scored.
 
-Read in order: `plan` (which cases), `folder` (what stands on disk), `classes` (effects that no data can tell apart), `mark`
-(one case), `score` (all of them, and the bars), `run` (the whole walk).
+Read in order: `plan` (which cases), `folder` (what stands on disk), `classes` (effects that no data can tell apart),
+`mark` (one case), `score` (all of them, and the bars), `run` (the whole walk).
 """
 
 from __future__ import annotations

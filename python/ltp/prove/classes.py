@@ -1,7 +1,7 @@
 """Owns the classes of effects that no data of a set-up can tell apart: each counts as one answer, with the reason.
 
-The table is part of the score, so it is short, and every row can be derived on paper. Effects that the nominal parameters
-imitate are not in it: they are not drawn.
+The table is part of the score, so it is short, and every row can be derived on paper. Effects that the nominal
+parameters imitate are not in it: they are not drawn.
 """
 
 from __future__ import annotations
@@ -46,17 +46,14 @@ CLASSES: tuple[Class, ...] = (
     _class(
         "hopper",
         "input_bias@u_c input_bias@u constant_force@leg output_bias@h ground_height@toe",
-        "with the height alone, a constant leg force, the height of the ground, the sensor's zero and the rest length of "
-        "the leg shift the same number and nothing else",
+        "with the height alone, a constant leg force, the height of the ground, the sensor's zero and the rest length "
+        "of the leg shift the same number and nothing else",
     ),
     _class("pendulum", "input_delay@tau output_delay@theta", _LATE),
     _class("drive", "input_delay@tau output_delay@q", _LATE),
     _class("pendulum", "input_lag@tau output_lag@theta", "to the size of the nonlinearity, one channel: see the delay"),
     _class("drive", "input_lag@tau output_lag@q", "a linear channel: the order of its parts does not show"),
-    *(
-        _class(system, f"input_delay@{u} input_lag@{u}", _SHORT, "buried")
-        for system, (u, _, _) in DRIVEN.items()
-    ),
+    *(_class(system, f"input_delay@{u} input_lag@{u}", _SHORT, "buried") for system, (u, _, _) in DRIVEN.items()),
     *(
         _class(system, f"output_delay@{y} output_lag@{y}", _SHORT, "buried")
         for system, (_, _, outputs) in DRIVEN.items()

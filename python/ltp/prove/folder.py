@@ -1,11 +1,11 @@
 """Owns what a proof leaves on disk: cases as files, the seal, labels, results; everything that a run needs to go on.
 
-    OUT/plan.json               which cases
-    OUT/cases/0007/             model.toml, train1.npz, train2.npz, test1.npz: all that a diagnosis sees
-    OUT/labels/0007.json        what was concealed; nobody reads it before the results stand
-    OUT/seal.json               SHA-256 of all labels and the salt
-    OUT/results/0007.json       the diagnosis
-    OUT/score.json, OUT/confusion.svg, OUT/confusion.png
+OUT/plan.json               which cases
+OUT/cases/0007/             model.toml, train1.npz, train2.npz, test1.npz: all that a diagnosis sees
+OUT/labels/0007.json        what was concealed; nobody reads it before the results stand
+OUT/seal.json               SHA-256 of all labels and the salt
+OUT/results/0007.json       the diagnosis
+OUT/score.json, OUT/confusion.svg, OUT/confusion.png
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Folder:
         if file.exists():
             tree = json.loads(file.read_text(encoding="utf-8"))
             if commitment(texts, tree["salt"]) != tree["sha256"]:
-                raise InputError(f"{self.path}: the labels are not those that were sealed; remove the folder and begin anew")
+                raise InputError(f"{self.path}: the labels are not those that were sealed; remove the folder")
             return str(tree["sha256"])
         salt = secrets.token_hex(16)
         sha256 = commitment(texts, salt)

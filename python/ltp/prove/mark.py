@@ -18,11 +18,12 @@ _MOVED = 3.0  # sigmas from its stated value that make a parameter's error
 class Mark:
     """One case: labels as `effect@place`, joined by ` + ` for two; what was right.
 
-    answer: what the diagnosis named, its verdict where it named nothing. top1, top2: the best, or one of the two best or of
-    the ambiguous set, is the truth; None where nothing was to be named. port: the located place is right, None where the
-    effect has no port or nothing was located. accepted: "right", "wrong" or "" where no single answer was given.
-    false_alarm: physics claimed in a clean case. inside: of the 95 % intervals, how many hold the truth, and how many
-    there are. held_out: largest (nominal, before, after) over the floor of the held-out outputs. seconds: of the diagnosis.
+    answer: what the diagnosis named, its verdict where it named nothing. top1, top2: the best, or one of the two best
+    or of the ambiguous set, is the truth; None where nothing was to be named. port: the located place is right, None
+    where the effect has no port or nothing was located. accepted: "right", "wrong" or "" where no single answer was
+    given. false_alarm: physics claimed in a clean case. inside: of the 95 % intervals, how many hold the truth, and how
+    many there are. held_out: held-out error over the floor, before and after, of the worst output. seconds: of the
+    diagnosis.
     """
 
     system: str

@@ -41,8 +41,9 @@ def plan(
 ) -> list[Task]:
     """Cases, systems in turn within each difficulty.
 
-    seeds: "tuning" or "score", two ranges that share no seed; base: which part of the range. cases: how many altogether,
-    in the proportions of the quick run; systems, difficulties: only these. Raises `InputError` for unknown names.
+    seeds: "tuning" or "score", two ranges that share no seed; base: which part of the range. cases: how many
+    altogether, in the proportions of the quick run; systems, difficulties: only these. Raises `InputError` for unknown
+    names.
     """
     all_systems, all_difficulties = choices()
     systems = _known("system", systems, all_systems)

@@ -1,4 +1,4 @@
-"""Owns the score of a proof: rates with their numbers of cases, the bars that were set before, and the confusion matrix."""
+"""Owns the score of a proof: rates with their numbers of cases, the bars set before, and the confusion matrix."""
 
 from __future__ import annotations
 
@@ -62,7 +62,9 @@ class Score:
             rate = bar.measured if isinstance(bar.measured, Rate) else None
             value = rate.value if rate else bar.measured
             count = rate.of if rate else None
-            bars.append({"what": bar.what, "measured": value, "cases": count, "low": bar.low, "high": bar.high, "met": bar.met})
+            bars.append(
+                {"what": bar.what, "measured": value, "cases": count, "low": bar.low, "high": bar.high, "met": bar.met}
+            )
         groups = {
             name: {k: ({"hits": v.hits, "of": v.of} if isinstance(v, Rate) else v) for k, v in row.items()}
             for name, row in self.groups.items()
@@ -141,7 +143,9 @@ def _bars(marks: Sequence[Mark]) -> list[Bar]:
     ]
 
 
-def confusion(marks: Sequence[Mark], name: Callable[[str], str] = lambda a: a.partition("@")[0]) -> dict[str, dict[str, int]]:
+def confusion(
+    marks: Sequence[Mark], name: Callable[[str], str] = lambda a: a.partition("@")[0]
+) -> dict[str, dict[str, int]]:
     """Counts by true effect and answer, of cases with one effect or none; right answers stand on the diagonal.
 
     An answer that counts as the truth by a class is written as the truth. What is no effect stands as the verdict.

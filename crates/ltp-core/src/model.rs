@@ -317,6 +317,14 @@ impl Model {
         smooth.then(|| friction::parts(&self.assembly, self.assembly.initial_mode))
     }
 
+    /// Every mode and event with dry friction set apart, for the plain evaluator, and the starting mode; `None` for a model
+    /// with sampled updates.
+    pub fn all_parts(&self) -> Option<(Vec<friction::Parts>, Vec<friction::EventParts>, usize)> {
+        let a = &self.assembly;
+        let modes = || (0..a.modes.len()).map(|m| friction::parts(a, m)).collect();
+        a.ticks.is_empty().then(|| (modes(), friction::event_parts(a), a.initial_mode))
+    }
+
     /// Position and velocity of a port in the starting mode, ready to be evaluated.
     ///
     /// # Errors

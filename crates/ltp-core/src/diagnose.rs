@@ -8,12 +8,14 @@
 mod candidates;
 mod experiment;
 mod fit;
+pub mod isolability;
 mod judge;
 mod kalman;
 mod law;
 mod locate;
 mod prepare;
 mod prepared;
+pub mod quality;
 mod report;
 pub mod result;
 mod score;
@@ -22,7 +24,7 @@ mod words;
 
 use std::time::Instant;
 
-pub use experiment::Control;
+pub use experiment::{Control, Experiment};
 pub use result::{Diagnosis, Verdict};
 
 use crate::error::{Error, Result, nearest};
@@ -30,7 +32,6 @@ use crate::model::{Model, System};
 use crate::signal::Recording;
 use crate::simulate::Hold;
 use candidates::{Bench, Trial};
-use experiment::Experiment;
 use locate::Located;
 use prepare::Scene;
 use prepared::Prepared;
@@ -92,6 +93,11 @@ fn work(
     (control.progress)("reading the recordings", 0.0);
     let own_test = !test.is_empty();
     let (train, test) = split(model, train, test, options.hold, &mut warnings)?;
+    warnings.extend(quality::check(model, &train, &test)?);
+    let (mut train, mut test, shortened) = quality::shorten(model, train, test, quality::LONGEST)?;
+    warnings.extend(shortened);
+    quality::clipped_to_gaps(&mut train);
+    quality::clipped_to_gaps(&mut test);
 
     (control.progress)("following the recordings", 0.05);
     let prepared = Prepared::new(model, train, test, control, &mut warnings)?;

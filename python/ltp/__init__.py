@@ -43,6 +43,7 @@ from ltp.feedback import Feedback
 from ltp.feedforward import Reference, feedforward
 from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
+from ltp.isolability import Isolability, isolability
 from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
 from ltp.periodic import Floquet, LiftedMode, Transverse
@@ -85,6 +86,7 @@ __all__ = [
     "HeldOut",
     "Htf",
     "InputError",
+    "Isolability",
     "Jump",
     "Law",
     "Lifted",
@@ -122,6 +124,7 @@ __all__ = [
     "identify",
     "identify_arx",
     "identify_map",
+    "isolability",
     "linearize",
     "metrics",
     "phase_from_events",

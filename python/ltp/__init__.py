@@ -39,10 +39,12 @@ from ltp.diagnose import (
     ParameterChange,
     diagnose,
 )
+from ltp.diagnose_many import JobError, JobResult, diagnose_many
 from ltp.feedback import Feedback
 from ltp.feedforward import Reference, feedforward
 from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
+from ltp.jobs import Job
 from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
 from ltp.periodic import Floquet, LiftedMode, Transverse
@@ -85,6 +87,9 @@ __all__ = [
     "HeldOut",
     "Htf",
     "InputError",
+    "Job",
+    "JobError",
+    "JobResult",
     "Jump",
     "Law",
     "Lifted",
@@ -118,6 +123,7 @@ __all__ = [
     "cycle",
     "cycle_average",
     "diagnose",
+    "diagnose_many",
     "feedforward",
     "identify",
     "identify_arx",

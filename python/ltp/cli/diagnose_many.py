@@ -14,7 +14,7 @@ from ltp.diagnose_many import JobResult, diagnose_many
 from ltp.jobs import Job
 from ltp.progress import Progress
 
-_RECORDINGS = (".csv", ".tsv", ".txt", ".gz", ".npz", ".mat")
+_RECORDINGS = (".csv", ".tsv", ".txt", ".gz", ".npz", ".mat", ".json")
 _MODEL = "model.toml"
 
 EXAMPLES = ("ltp diagnose-many machines --results results --workers 2",)

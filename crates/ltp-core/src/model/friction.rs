@@ -140,7 +140,7 @@ pub fn forces(g: &mut Graph, a: &Assembly, base: usize, contacts: &[Contact], ac
 }
 
 /// `grad v . rates`.
-fn along(g: &mut Graph, v: Id, rates: &[Id]) -> Id {
+pub(super) fn along(g: &mut Graph, v: Id, rates: &[Id]) -> Id {
     let mut sum = g.constant(0.0);
     for (k, &rate) in rates.iter().enumerate() {
         let slope = g.derivative(&[v], Symbol::State(k))[0];

@@ -315,6 +315,14 @@ impl Model {
         smooth.then(|| friction::parts(&self.assembly, self.assembly.initial_mode))
     }
 
+    /// Every mode and event with dry friction set apart, for the plain evaluator, and the starting mode; `None` for a model
+    /// with sampled updates.
+    pub fn all_parts(&self) -> Option<(Vec<friction::Parts>, Vec<friction::EventParts>, usize)> {
+        let a = &self.assembly;
+        let modes = || (0..a.modes.len()).map(|m| friction::parts(a, m)).collect();
+        a.ticks.is_empty().then(|| (modes(), friction::event_parts(a), a.initial_mode))
+    }
+
     /// Position and velocity of a port in the starting mode, ready to be evaluated.
     ///
     /// # Errors
@@ -322,11 +330,6 @@ impl Model {
     pub fn port_motion(&self, port: &str) -> Result<program::Program> {
         let (position, velocity) = self.assembly.modes[self.assembly.initial_mode].ports[self.port(port)?];
         Ok(program::Program::plain(&self.assembly.graph, &[position, velocity]))
-    }
-
-    /// Where an effect may act in this model.
-    pub fn places(&self, _effect: &str) -> Vec<String> {
-        self.ports().into_iter().map(String::from).collect()
     }
 
     /// Units of a port's force, position and velocity.

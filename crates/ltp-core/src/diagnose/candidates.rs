@@ -24,8 +24,6 @@ const SHORTEST: f64 = 0.4;
 /// A place and what is known of it.
 #[derive(Clone, Debug)]
 pub struct Place {
-    /// What acts there: `port`, `input`, `output`, `contact` or `parameter`.
-    pub kind: String,
     /// Name.
     pub at: String,
     /// Natural sizes.
@@ -89,7 +87,7 @@ impl Candidate {
         let probes = probes(&effect, place, &model)?;
         debug_assert_eq!(system.states(), base.made.system.states() + effect.states.len());
         let made = Made { effects, model, system, priors, extra };
-        let neutral = effect.parameters.values().map(absent).collect();
+        let neutral = effect.parameters.values().map(|p| p.neutral).collect();
         Ok(Self { made, own, probes, neutral, extends: effect.extends.clone() })
     }
 
@@ -97,11 +95,6 @@ impl Candidate {
     pub fn label(&self) -> String {
         self.made.effects.last().map_or(String::new(), |(e, p)| format!("{e}@{p}"))
     }
-}
-
-/// Value at which a parameter makes its effect vanish.
-fn absent(p: &EffectParameter) -> f64 {
-    p.neutral.unwrap_or(0.0)
 }
 
 /// What is known of a parameter of an effect at a place.
@@ -144,7 +137,7 @@ fn probes(effect: &Effect, place: &Place, model: &Model) -> Result<Vec<Probe>> {
             _ if p.value.is_some() && p.sd.is_some() => vec![p.value.unwrap_or(0.0)],
             _ => {
                 amplitudes.push(k);
-                vec![absent(p)]
+                vec![p.neutral]
             }
         };
         grid = grid.iter().flat_map(|g| values.iter().map(move |v| [g.as_slice(), &[*v]].concat())).collect();
@@ -155,7 +148,7 @@ fn probes(effect: &Effect, place: &Place, model: &Model) -> Result<Vec<Probe>> {
         if follows {
             for &k in &amplitudes {
                 let p = effect.parameters.get_index(k).map(|(_, p)| p);
-                own[k] = p.map_or(0.0, |p| absent(p) + PROBE * place.sizes.of(&p.scale));
+                own[k] = p.map_or(0.0, |p| p.neutral + PROBE * place.sizes.of(&p.scale));
             }
         }
         fill(effect, own, model)?;

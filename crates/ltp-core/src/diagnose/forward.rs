@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::candidates::Place;
-use super::fit::{FINE, Point, full, stage};
+use super::fit::{FINE, Point, stage};
 use super::judge::{self, Evidence, Halves, Ranking};
 use super::search::{Aside, Found, Pair, search};
 use super::trial::{Attachment, Bench, Made, Trial, finish, label};
@@ -258,9 +258,4 @@ fn shares(bench: &Bench<'_>, e: &Explained) -> Result<Vec<f64>> {
 /// What stands for a hypothesis in a message.
 pub fn spoken(effects: &[Attachment]) -> String {
     label(effects)
-}
-
-/// All parameters of the nominal model as a hypothesis has them.
-pub fn nominal_parameters(nominal: &Trial, t: &Trial) -> Vec<f64> {
-    full(&nominal.made.system, &t.fit.point.theta[..nominal.made.priors.len()])
 }

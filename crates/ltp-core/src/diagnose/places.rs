@@ -28,7 +28,6 @@ impl<'a> Places<'a> {
     /// Sizes at the ports are read from the missing force there.
     pub fn new(model: &'a Model, train: &'a [Experiment], scene: &'a Scene, forces: &[(String, Vec<Force>)]) -> Self {
         let port = |(at, forces): &(String, Vec<Force>)| Place {
-            kind: "port".into(),
             at: at.clone(),
             sizes: Sizes::at_port(forces, scene),
             waves: waves(forces),
@@ -44,7 +43,7 @@ impl<'a> Places<'a> {
         let mut out = Vec::new();
         for name in names {
             let kind = self.model.library().get(name)?.on.clone();
-            for at in self.model.places(name) {
+            for at in self.model.places(name)? {
                 if let Some(place) = self.place(&kind, &at) {
                     out.push((name.clone(), place));
                 }
@@ -54,7 +53,7 @@ impl<'a> Places<'a> {
     }
 
     fn place(&self, kind: &str, at: &str) -> Option<Place> {
-        let plain = |sizes| Place { kind: kind.into(), at: at.into(), sizes, waves: Waves::default() };
+        let plain = |sizes| Place { at: at.into(), sizes, waves: Waves::default() };
         match kind {
             "port" => self.ports.iter().find(|p| p.at == at).cloned(),
             "input" => {

@@ -320,8 +320,8 @@ pub fn substeps(system: &dyn System, p: &[f64], ground: Ground<'_>, start: &[Vec
     })
 }
 
-/// The library without the unknown force: names that may be attached.
+/// The library without the unknown force, and without errors of parameters that were stated as exact: names that are tried
+/// unless others are asked for.
 pub fn candidates(library: &Library) -> Vec<String> {
-    let ready = |name: &&str| library.get(name).is_ok_and(|e| e.on == "port") && !LATER.contains(name);
-    library.names().filter(ready).map(String::from).collect()
+    library.names().filter(|n| ![UNKNOWN_FORCE, "parameter_error"].contains(n)).map(String::from).collect()
 }

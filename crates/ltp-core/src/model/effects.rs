@@ -106,15 +106,6 @@ pub struct EffectParameter {
     /// Starting value of a fit from the effect's other parameters; an amplitude started by a score test where left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<String>,
-    /// Value at which the effect is absent; zero where left out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub neutral: Option<f64>,
-    /// Value where none is given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub value: Option<f64>,
-    /// One-sigma uncertainty of that value.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sd: Option<f64>,
     /// Starting values of a shape parameter, as multiples of its scale.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shape: Vec<f64>,

@@ -64,9 +64,9 @@ class Recording:
     ) -> Recording:
         """Read the inputs and outputs of `model` from a file, a data frame or a dict of arrays.
 
-        source: `.csv`, `.tsv`, `.txt` (each also `.gz`), `.npz`, `.mat`, `.json`, a pandas or polars frame, or a dict. columns:
-        where a name of the model differs from the file, such as `{"q": "qm", "theta": "angle [deg]"}`; by default
-            `model.column(name)`. None for an output says that it was not recorded.
+        source: `.csv`, `.tsv`, `.txt` (each also `.gz`), `.npz`, `.mat`, `.json`, a pandas or polars frame, or a dict.
+        columns: where a name of the model differs from the file, such as `{"q": "qm", "theta": "angle [deg]"}`; by
+            default `model.column(name)`. None for an output says that it was not recorded.
         name: what reports call the recording; by default the file's name without suffix.
         dt: sampling period in s, for a file without a time column (`t` or `time`).
 

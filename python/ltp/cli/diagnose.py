@@ -25,8 +25,8 @@ def add(commands: common.Commands) -> None:
         help="compare a model with recordings and name the physics that was left out",
         description="Compare a model with recordings, locate the mismatch, and name and fit the physics that was left\n"
         "out. Recordings: .csv .tsv .txt (each also .gz), .npz, .mat, .json; columns by the names of the model's\n"
-        "inputs and outputs, time as t or time; units in headers, as 'theta [deg]', are converted. FILE@START:END takes a part\n"
-        "(seconds).",
+        "inputs and outputs, time as t or time; units in headers, as 'theta [deg]', are converted. FILE@START:END\n"
+        "takes a part (seconds).",
         epilog=common.epilog(*EXAMPLES),
         formatter_class=common.Formatter,
     )

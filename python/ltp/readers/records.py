@@ -19,7 +19,7 @@ from ltp.readers.table import Column, Table
 
 SUFFIXES = (".json",)
 
-_EXPECTED = "a log is a list of objects, one per sample, alone or with numbers beside it, or one list of numbers per signal"
+_EXPECTED = "a log is a list of objects, one per sample, with or without numbers beside it, or one list per signal"
 
 
 def read(path: Path) -> Table:

@@ -40,10 +40,7 @@ use crate::error::{Error, Result, nearest};
 use crate::model::Model;
 use crate::signal::Recording;
 use crate::simulate::Hold;
-use experiment::Experiment;
 use places::Places;
-use candidates::{Bench, Trial};
-use locate::Located;
 use prepare::Scene;
 use prepared::Prepared;
 

@@ -3,7 +3,8 @@
 
 use indexmap::IndexMap;
 
-use super::super::candidates::{full, short};
+use super::super::fit::full;
+use super::super::trial::short;
 use super::super::experiment::{Control, Experiment, Run};
 use super::super::fit::Ground;
 use super::super::prepare;

@@ -3,7 +3,6 @@
 
 use std::sync::atomic::AtomicBool;
 
-use super::super::candidates::priors;
 use super::super::experiment::{Control, Experiment, Run};
 use super::super::fit::{self, Effort, Ground, Point, Subject};
 use super::super::words::number;
@@ -138,8 +137,8 @@ fn error(model: &Model, system: &Compiled, e: &Experiment) -> Result<Option<f64>
     let size = sigma.iter().copied().fold(0.0, f64::max).max(start.iter().fold(0.0, |m: f64, v| m.max(v.abs())));
     // States that are not seen may be far from the document's: a wide prior, and faster motion for faster sampling.
     let scale = vec![size.max(1e-9) * (1.0 + 1.0 / (20.0 * e.dt)); start.len()];
-    let priors = priors(model, system, None)?;
-    let subject = Subject { system, priors: &priors, moves: false };
+    let stated = system.parameters();
+    let subject = Subject { system, priors: &[], still: Some(stated), extra: &[] };
     let ground = Ground {
         experiments: std::slice::from_ref(e),
         sigma: &sigma,
@@ -147,8 +146,7 @@ fn error(model: &Model, system: &Compiled, e: &Experiment) -> Result<Option<f64>
         state_scale: &scale,
         control: &control,
     };
-    let theta = priors.iter().map(|p| p.mean).collect();
-    let from = Point { theta, x0: vec![start.clone()] };
+    let from = Point { theta: Vec::new(), x0: vec![start.clone()] };
     let Some(fitted) = fit::stage(&subject, ground, &from, &[start], None, EFFORT) else {
         return Ok(Some(f64::INFINITY));
     };

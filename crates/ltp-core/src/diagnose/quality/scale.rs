@@ -51,7 +51,7 @@ fn mistaken(unit: &str) -> Vec<(f64, String)> {
 pub fn check(model: &Model, system: &Compiled, train: &[Experiment]) -> Result<()> {
     let Some(e) = train.iter().max_by(|a, b| energy(a).total_cmp(&energy(b))) else { return Ok(()) };
     let short = e.part(0, e.len().min(STRETCH));
-    let Some(error) = error(model, system, &short)? else { return Ok(()) };
+    let Some(error) = error(system, &short)? else { return Ok(()) };
     if error < ASTRAY {
         return Ok(());
     }
@@ -71,7 +71,7 @@ pub fn check(model: &Model, system: &Compiled, train: &[Experiment]) -> Result<(
     let mut best: Option<(f64, &Guess)> = None;
     for guess in &guesses {
         // What ranges over so little in the model's own unit that the guess would be absurd still fails by its error.
-        let Some(found) = self::error(model, system, &guess.corrected(&short)?)? else { continue };
+        let Some(found) = self::error(system, &guess.corrected(&short)?)? else { continue };
         if best.is_none_or(|(b, _)| found < b) {
             best = Some((found, guess));
         }
@@ -125,7 +125,7 @@ fn energy(e: &Experiment) -> f64 {
 
 /// Error over motion of the worst output when the stated model runs freely from the best initial state; infinite where it
 /// cannot, `None` where there is nothing to compare.
-fn error(model: &Model, system: &Compiled, e: &Experiment) -> Result<Option<f64>> {
+fn error(system: &Compiled, e: &Experiment) -> Result<Option<f64>> {
     let cancelled = AtomicBool::new(false);
     let control = Control { cancelled: &cancelled, progress: &|_, _| {} };
     let spread: Vec<f64> = (0..e.outputs()).map(|j| stats::std(e.output(j))).collect();

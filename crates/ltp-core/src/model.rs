@@ -72,6 +72,18 @@ impl Model {
         Self::new(Document::from_toml(text, source)?, Library::shipped()?, source)
     }
 
+    /// The same model with effects of one's own in its library, each a name and the TOML text of its document.
+    ///
+    /// # Errors
+    /// [`Error::Document`] for a text that is no effect, or a name that is taken.
+    pub fn with_effects<S: AsRef<str>>(&self, own: &[(S, S)]) -> Result<Self> {
+        let mut library = self.library.clone();
+        for (name, text) in own {
+            library.add_toml(name.as_ref(), text.as_ref())?;
+        }
+        Ok(Self { library, ..self.clone() })
+    }
+
     /// The document.
     pub fn document(&self) -> &Document {
         &self.document
@@ -312,19 +324,20 @@ impl Model {
         })
     }
 
-    /// The model's starting mode with dry friction set apart, for the plain evaluator; `None` for a hybrid model.
+    /// The model's starting mode with dry friction set apart, for the plain evaluator; `None` for a hybrid model or
+    /// one with late inputs.
     pub fn parts(&self) -> Option<friction::Parts> {
-        let smooth =
-            self.assembly.modes.len() == 1 && self.assembly.events.is_empty() && self.assembly.ticks.is_empty();
-        smooth.then(|| friction::parts(&self.assembly, self.assembly.initial_mode))
+        let a = &self.assembly;
+        let smooth = a.modes.len() == 1 && a.events.is_empty() && a.ticks.is_empty() && a.delays.is_empty();
+        smooth.then(|| friction::parts(a, a.initial_mode))
     }
 
     /// Every mode and event with dry friction set apart, for the plain evaluator, and the starting mode; `None` for a model
-    /// with sampled updates.
+    /// with sampled updates or late inputs.
     pub fn all_parts(&self) -> Option<(Vec<friction::Parts>, Vec<friction::EventParts>, usize)> {
         let a = &self.assembly;
         let modes = || (0..a.modes.len()).map(|m| friction::parts(a, m)).collect();
-        a.ticks.is_empty().then(|| (modes(), friction::event_parts(a), a.initial_mode))
+        (a.ticks.is_empty() && a.delays.is_empty()).then(|| (modes(), friction::event_parts(a), a.initial_mode))
     }
 
     /// Position and velocity of a port in the starting mode, ready to be evaluated.

@@ -26,7 +26,7 @@ use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
 use super::document::Named;
-use super::parse::parse;
+use super::parse::{is_name, is_reserved, parse};
 use crate::error::{Error, Result, nearest};
 
 /// One effect of the library.
@@ -132,6 +132,9 @@ impl EffectParameter {
     }
 }
 
+/// Words of places, which laws use.
+const WORDS: [&str; 6] = ["position", "velocity", "port_stiffness", "free_acceleration", "mobility", "value"];
+
 /// What an effect does at its place: the key of its document and the expression there.
 const ACTIONS: [(&str, &[&str]); 5] = [
     ("port", &["law", "dry"]),
@@ -181,6 +184,14 @@ impl Effect {
                     if names.is_empty() { "none".into() } else { names.join(" and ") }
                 ));
             }
+        }
+        let texts = found.into_iter().chain(self.states.values().map(|s| ("flow", s.flow.as_str())));
+        for (key, text) in texts {
+            parse(text, &format!("{path}, {key}"))?;
+        }
+        let taken = |name: &str| !is_name(name) || is_reserved(name) || WORDS.contains(&name);
+        if let Some(name) = self.parameters.keys().chain(self.states.keys()).find(|name| taken(name)) {
+            return fault(format!("`{name}` cannot name a parameter or a state of it; choose another name"));
         }
         for (name, p) in &self.parameters {
             let low = p.min.unwrap_or(f64::NEG_INFINITY);
@@ -270,6 +281,18 @@ impl Library {
             .clone()
     }
 
+    /// The shipped library with effects of one's own, each a name and the TOML text of its document.
+    ///
+    /// # Errors
+    /// As [`Library::add_toml`].
+    pub fn with<S: AsRef<str>>(own: &[(S, S)]) -> Result<Self> {
+        let mut library = Self::shipped()?;
+        for (name, text) in own {
+            library.add_toml(name.as_ref(), text.as_ref())?;
+        }
+        Ok(library)
+    }
+
     /// Adds an effect from TOML text.
     ///
     /// # Errors
@@ -289,6 +312,9 @@ impl Library {
     pub fn add(&mut self, name: &str, effect: Effect) -> Result<()> {
         let fault = |message: &str| Error::Document { path: format!("effect `{name}`"), message: message.into() };
         effect.check(&format!("effect `{name}`"))?;
+        if !is_name(name) {
+            return Err(fault("an effect is called by a name: letters, digits and `_`, beginning with a letter"));
+        }
         if self.effects.contains_key(name) {
             return Err(fault("there is an effect of this name already; choose another"));
         }

@@ -66,6 +66,8 @@ pub struct Engine<'a> {
     error: Vec<f64>,
     /// Inputs that are seen late, where there are derivatives by their delays.
     late: Vec<Delay>,
+    /// Whether one of them may jump now.
+    late_due: bool,
 }
 
 impl<'a> Engine<'a> {
@@ -110,12 +112,13 @@ impl<'a> Engine<'a> {
             largest: vec![0.0; nx],
             error: vec![0.0; nx],
             late: Vec::new(),
+            late_due: false,
         };
         if settings.derivatives {
             engine.late = system.delays(p);
+            engine.late_due = !engine.late.is_empty();
         }
         engine.enter(mode, true);
-        engine.late_jump();
         engine.tick_due()?;
         Ok(engine)
     }
@@ -192,43 +195,49 @@ impl<'a> Engine<'a> {
                 self.flow_to(end)?;
                 self.grid += 1;
             }
-            if !self.late.is_empty() {
-                self.late_jump();
-            }
             if !self.ticks.is_empty() {
                 self.tick_due()?;
             }
             if self.inputs.jumps() {
                 self.first_stage_known = false;
                 self.recheck = true;
+                self.late_due = !self.late.is_empty();
             }
         }
         Ok(())
     }
 
-    /// Where a late input jumps, it would jump later if its delay grew: the flow before it lasts longer, that after it begins
-    /// later.
-    fn late_jump(&mut self) {
+    /// Late inputs that jump now. One that does would do so later if its delay grew: the flow before it lasts longer, that
+    /// after it, in the mode that the jump leads to, begins later. Here the first half; a jump at a sample counts behind it.
+    fn late_before(&mut self, c: Context<'_>) -> Vec<usize> {
         let Sizes { nx, nf, nu } = self.sizes;
-        let (ns, own) = (nx + nf, nu - 2 * self.late.len());
-        let apart = 1e-6 * self.settings.step;
-        let (mut before, mut after) = (vec![0.0; nu], vec![0.0; nu]);
-        let (mut f_before, mut f_after) = (vec![0.0; nx], vec![0.0; nx]);
-        for (k, delay) in self.late.iter().enumerate() {
-            self.inputs.eval(self.inputs.interval(self.t - apart), self.t, &mut before);
-            self.inputs.eval(self.inputs.interval(self.t + apart), self.t, &mut after);
-            let channel = own + 2 * k;
-            if before[channel] == after[channel] {
-                continue;
-            }
-            self.system.flow(self.mode, Point { t: self.t, x: &self.x, u: &after, p: self.p }, &mut f_after);
-            after[channel] = before[channel];
-            self.system.flow(self.mode, Point { t: self.t, x: &self.x, u: &after, p: self.p }, &mut f_before);
-            for i in 0..nx {
-                for (c, slope) in delay.slope.iter().enumerate() {
-                    self.s[i * ns + nx + c] += (f_before[i] - f_after[i]) * slope;
-                }
-            }
+        let own = nu - 2 * self.late.len();
+        let (mut before, mut after, mut flow) = (vec![0.0; nu], vec![0.0; nu], vec![0.0; nx]);
+        self.inputs.eval(self.inputs.interval(self.t - 1e-6 * self.settings.step), self.t, &mut before);
+        self.inputs.eval(c.interval, self.t, &mut after);
+        let jumps = |k: &usize| before[own + 2 * k] != after[own + 2 * k];
+        let jumping: Vec<usize> = (0..self.late.len()).filter(jumps).collect();
+        for &k in &jumping {
+            let now = std::mem::replace(&mut after[own + 2 * k], before[own + 2 * k]);
+            let at = Point { t: self.t, x: &self.x, u: &after, p: self.p };
+            // At the very start the mode was chosen for what comes after the jump.
+            let start = self.stats.steps == 0 && self.stats.events == 0;
+            let mode = if start { self.system.settle(self.mode, at) } else { self.mode };
+            self.system.flow(mode, at, &mut flow);
+            after[own + 2 * k] = now;
+            add_outer(1.0, &flow, &self.late[k].slope, nx + nf, &mut self.s);
+        }
+        jumping
+    }
+
+    /// The second half of [`Self::late_before`].
+    fn late_after(&mut self, c: Context<'_>, jumping: &[usize]) {
+        let Sizes { nx, nf, nu } = self.sizes;
+        let (mut u, mut flow) = (vec![0.0; nu], vec![0.0; nx]);
+        self.inputs.eval(c.interval, self.t, &mut u);
+        self.system.flow(self.mode, Point { t: self.t, x: &self.x, u: &u, p: self.p }, &mut flow);
+        for &k in jumping {
+            add_outer(-1.0, &flow, &self.late[k].slope, nx + nf, &mut self.s);
         }
     }
 
@@ -258,10 +267,18 @@ impl<'a> Engine<'a> {
     fn step_to(&mut self, end: f64) -> Result<(), Stop> {
         let h = end - self.t;
         let c = self.context(self.t + 0.5 * h);
+        let jumping = if std::mem::take(&mut self.late_due) { self.late_before(c) } else { Vec::new() };
         if std::mem::take(&mut self.recheck)
             && let Some(guard) = self.watch.past(c, self.t, &self.x)
         {
-            return self.fire(c, guard, None);
+            self.fire(c, guard, None)?;
+            if !jumping.is_empty() {
+                self.late_after(c, &jumping);
+            }
+            return Ok(());
+        }
+        if !jumping.is_empty() {
+            self.late_after(c, &jumping);
         }
         let derivatives = self.settings.derivatives;
         self.work.step(c, self.t, h, &self.x, self.first_stage_known, derivatives);
@@ -456,5 +473,14 @@ impl<'a> Engine<'a> {
             }
         }
         Ok(())
+    }
+}
+
+/// `s[.., last columns] += sign * flow * slope`, with `ns` columns.
+fn add_outer(sign: f64, flow: &[f64], slope: &[f64], ns: usize, s: &mut [f64]) {
+    for (row, f) in s.chunks_exact_mut(ns).zip(flow) {
+        for (s, by) in row[ns - slope.len()..].iter_mut().zip(slope) {
+            *s += sign * f * by;
+        }
     }
 }

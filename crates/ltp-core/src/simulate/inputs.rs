@@ -158,6 +158,9 @@ impl Inputs {
         for (o, c) in out.iter_mut().zip(pieces) {
             *o = c[0] + s * (c[1] + s * (c[2] + s * c[3]));
         }
+        if self.late.is_empty() {
+            return;
+        }
         for (late, out) in self.late.iter().zip(out.get_mut(self.count..).unwrap_or_default().chunks_exact_mut(2)) {
             let [value, rate, _] = late.eval(self, interval.inside.unwrap_or(t), t);
             out.copy_from_slice(&[value, rate]);

@@ -187,7 +187,7 @@ fn every_effect_at_every_place() {
         let base = run(name, &plain, plain.parameters(), &plain.initial_state(), &u, false);
         let library = model.library().clone();
         for effect in library.names() {
-            for at in model.places(effect).unwrap().into_iter().filter(|a| a != "f" && a != "F") {
+            for at in model.places(effect).unwrap() {
                 let label = format!("{name}: {effect}@{at}");
                 seen.push(effect.to_string());
                 if effect != "compliant_ground" {

@@ -272,6 +272,36 @@ fn contacts_say_what_they_lack() {
     assert!(two.err().unwrap().to_string().contains("one effect at a time"));
 }
 
+/// Drag against air that moves.
+const WIND: &str = r#"
+sentence = "air that moves"
+on = "port"
+law = "-drag*(velocity - wind)*abs(velocity - wind)"
+reference = "the weather"
+[parameters]
+drag = { unit = "force/velocity^2", min = 0.0, scale = "force/velocity^2" }
+wind = { unit = "velocity", value = 1.0, scale = "velocity", shape = [0.5, 1.0] }
+"#;
+
+#[test]
+fn ones_own_effect_is_like_any_other() {
+    let drive = zoo("drive").unwrap().with_effects(&[("wind", WIND)]).unwrap();
+    assert_eq!(drive.places("wind").unwrap(), ["drive"]);
+    let model = drive.attach("wind", "drive", &[("drag", 3.0)]).unwrap();
+    assert_eq!(model.parameters().last().unwrap().value, 1.0);
+    assert_eq!(model.unit("wind@drive.drag").unwrap(), "N s^2/m^2");
+    let still = run(&model, &Inputs::constant(&[0.0]), 400.0, 10.0, 0.1);
+    let v = still.states.last().unwrap();
+    assert!((3.0 * (1.0 - v) * (1.0 - v) - 203.5 * v).abs() < 1e-9, "{v}");
+    let text = model.to_toml().unwrap();
+    assert!(Model::from_toml(&text, "again").err().unwrap().to_string().contains("there is no effect `wind`"));
+    let library = Library::with(&[("wind", WIND)]).unwrap();
+    let again = Model::new(ltp_core::model::Document::from_toml(&text, "again").unwrap(), library, "again").unwrap();
+    assert_eq!(again.document(), model.document());
+    let twice = drive.with_effects(&[("wind", WIND)]).err().unwrap().to_string();
+    assert!(twice.contains("of this name already"), "{twice}");
+}
+
 #[test]
 fn a_document_that_is_no_effect_is_refused() {
     let add = |text: &str| {
@@ -284,6 +314,14 @@ fn a_document_that_is_no_effect_is_refused() {
     assert!(
         add(&format!("{body}on = \"port\"\nlaw = \"f\"\n[parameters]\nf = {{ unit = \"force\", min = 1.0 }}"))
             .contains("default 0")
+    );
+    assert!(add(&format!("{body}on = \"port\"\nlaw = \"2*(velocity\"")).contains("not closed"));
+    assert!(
+        add(&format!("{body}on = \"input\"\nlaw = \"value\"\n[parameters]\nvalue = {{ unit = \"1\" }}"))
+            .contains("`value` cannot name")
+    );
+    assert!(
+        Library::shipped().unwrap().add_toml("my effect", WIND).err().unwrap().to_string().contains("called by a name")
     );
     let taken = Library::shipped().unwrap().add_toml("input_gain", &format!("{body}on = \"input\"\nlaw = \"value\""));
     assert!(taken.err().unwrap().to_string().contains("of this name already"));

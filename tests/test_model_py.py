@@ -125,6 +125,28 @@ class TestModel:
         with pytest.raises(ltp.InputError, match="coulomb_frction"):
             rig.attach("coulomb_frction", "drive", force=2.5)
 
+    def test_places(self, rig: ltp.Model) -> None:
+        assert rig.places("input_delay") == ["tau", "load"]
+        assert rig.places("backlash") == []
+        with pytest.raises(ltp.InputError, match="no stiffness along this port"):
+            rig.attach("backlash", "drive", gap=0.1)
+
+    def test_effects_of_ones_own(self, rig: ltp.Model, tmp_path: Path) -> None:
+        wind = tmp_path / "wind.toml"
+        wind.write_text(
+            'sentence = "air that moves"\non = "port"\nlaw = "-drag*(velocity - 1)"\nreference = "the weather"\n'
+            '[parameters]\ndrag = { unit = "force/velocity", min = 0.0, scale = "force/velocity" }\n'
+        )
+        windy = rig.with_effects([wind])
+        assert windy.library[-1] == "wind" and "wind" not in rig.library
+        saved = windy.attach("wind", "drive", drag=2.0).save(tmp_path / "windy.toml")
+        (effect,) = ltp.Model.load(saved, effects=[wind]).effects
+        assert effect["parameters"]["drag"] == {"value": 2.0, "sd": None, "unit": "N s/m"}
+        with pytest.raises(ltp.InputError, match="wind"):
+            ltp.Model.load(saved)
+        with pytest.raises(ltp.InputError, match="of this name already"):
+            windy.with_effects([wind])
+
     def test_repr(self, rig: ltp.Model) -> None:
         assert repr(rig) == "<ltp.Model 'rig'; states: q, v; inputs: tau, load; outputs: q, v; ports: drive>"
 

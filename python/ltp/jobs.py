@@ -110,9 +110,9 @@ class Job:
         return digest.hexdigest()
 
 
-def read_model(word: str) -> Model:
-    """The model of a document's path or of `zoo:NAME`."""
-    return zoo.load(word[len(_ZOO) :]) if word.startswith(_ZOO) else Model.load(word)
+def read_model(word: str, effects: Sequence[str] = ()) -> Model:
+    """The model of a document's path or of `zoo:NAME`, with effects of one's own from files."""
+    return zoo.load(word[len(_ZOO) :]).with_effects(effects) if word.startswith(_ZOO) else Model.load(word, effects)
 
 
 def read_recording(word: str, model: Model, columns: Mapping[str, str | None], dt: float | None) -> Recording:

@@ -90,10 +90,13 @@ class Model:
         return model
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Model:
+    def load(cls, path: str | os.PathLike[str], effects: Sequence[str | os.PathLike[str]] = ()) -> Model:
         """Read a model document from a `.toml` (or `.json`) file, UTF-8.
 
-        Raises `InputError` with file, line, column and the nearest known name when the document cannot be right.
+        `effects` are files of one's own pieces of physics (docs/model.md): they join the library under the names of the
+        files, to be attached and to be tried by a diagnosis. A document that uses them needs them again.
+
+        Raises `InputError` with file, line, column and the nearest known name when a document cannot be right.
         """
         source = Path(path)
         readers = {".toml": _ltp.Model.from_toml, ".json": _ltp.Model.from_json}
@@ -103,18 +106,21 @@ class Model:
                 f"{source}: a model document ends in .toml (or .json), found {source.suffix or 'no suffix'!r}; "
                 "rename the file, or give the model first and the recordings after it"
             )
-        try:
-            text = read_bytes(source).decode("utf-8-sig")
-        except UnicodeDecodeError as error:
-            raise _ltp.InputError(
-                f"{source}: not a text file (byte {error.start} is not UTF-8); a model document is UTF-8 text"
-            ) from None
-        return cls.wrap(reader(text, str(source)))
+        return cls.wrap(reader(_text(source), str(source), _own_effects(effects)))
 
     @classmethod
-    def from_toml(cls, text: str, source: str = "TOML text") -> Model:
-        """A model from the text of a document; `source` is what errors call it."""
-        return cls.wrap(_ltp.Model.from_toml(text, source))
+    def from_toml(
+        cls, text: str, source: str = "TOML text", effects: Sequence[str | os.PathLike[str]] = ()
+    ) -> Model:
+        """A model from the text of a document; `source` is what errors call it, `effects` as for :meth:`load`."""
+        return cls.wrap(_ltp.Model.from_toml(text, source, _own_effects(effects)))
+
+    def with_effects(self, effects: Sequence[str | os.PathLike[str]]) -> Model:
+        """The same model with more effects in its library, from files as for :meth:`load`.
+
+        Raises `InputError` for a file that is no effect, or whose name is taken.
+        """
+        return Model.wrap(self._core.with_effects(_own_effects(effects)))
 
     def to_toml(self) -> str:
         """The document as TOML text; `Model.from_toml` reads it back."""
@@ -134,10 +140,20 @@ class Model:
     def attach(self, effect: str, at: str, parameters: Mapping[str, float] | None = None, **named: float) -> Model:
         """The model with one more piece of physics, such as `attach("coulomb_friction", "drive", force=20.4)`.
 
-        `effect` is a name of the effects library, `at` the port, input, output or contact where it acts; parameters are
-        in the units of the effect's document. Raises `InputError` for an unknown effect, place or parameter.
+        `effect` is a name of the effects library, `at` the port, input (or signal that inputs enter), output, contact or
+        parameter where it acts; parameters are in the units of the effect's document, and take its defaults where they
+        are left out. Raises `InputError` for an unknown effect, place or parameter, and where there is nothing to act on.
         """
         return Model.wrap(self._core.attach(effect, at, {**(parameters or {}), **named}))
+
+    def places(self, effect: str) -> list[str]:
+        """Where an effect may act in this model, in the order of the document. Raises `InputError` for an unknown one."""
+        return self._core.places(effect)
+
+    @property
+    def library(self) -> list[str]:
+        """Names of the effects that may be attached: the shipped ones, then one's own."""
+        return self._core.library
 
     @property
     def name(self) -> str:
@@ -205,6 +221,21 @@ class Model:
         parts = [f"{word}: {', '.join(names)}" for word, names in lists.items() if names]
         parts += [f"with {effect['name']} at {effect['at']}" for effect in self.effects]
         return f"<ltp.Model {self.name!r}; {'; '.join(parts)}>"
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise _ltp.InputError(
+            f"{path}: not a text file (byte {error.start} is not UTF-8); a document is UTF-8 text"
+        ) from None
+
+
+def _own_effects(paths: Sequence[str | os.PathLike[str]]) -> list[tuple[str, str]]:
+    """Names and texts of effects in files; the name is that of the file."""
+    files = [paths] if isinstance(paths, (str, os.PathLike)) else paths
+    return [(Path(file).stem, _text(Path(file))) for file in files]
 
 
 def _as_json(document: Mapping[str, Any], source: str) -> str:

@@ -2,14 +2,15 @@
 //!
 //! Read in order: [`document`] (the tree a file holds), [`parse`] (expressions), [`units`], [`effects`] (the library of
 //! candidate physics), [`attach`] (where they act), [`graph`] (shared expressions), `derivative`, [`mod@assemble`] (names and
-//! equations), `port_laws` and [`contact`] (what effects do), [`friction`] (slip and stick), [`tape`] and [`native`] (evaluation), [`stepper`] (a whole step as one program), [`system`] (the
-//! trait simulation works on).
+//! equations), `port_laws`, [`contact`] and [`delay`] (what effects do), [`friction`] (slip and stick), [`tape`] and [`native`]
+//! (evaluation), [`stepper`] (a whole step as one program), [`system`] (the trait simulation works on).
 
 pub mod assemble;
 pub mod attach;
 pub mod check_units;
 pub mod compiled;
 pub mod contact;
+pub mod delay;
 mod derivative;
 pub mod document;
 pub mod effects;
@@ -21,6 +22,7 @@ pub mod parse;
 mod port_laws;
 pub mod program;
 pub mod scope;
+mod slopes;
 pub mod stepper;
 pub mod system;
 pub mod tape;
@@ -33,7 +35,7 @@ pub use document::{Attached, Definition, Document, FullDefinition};
 pub use effects::{Effect, Library};
 pub use program::Backend;
 pub use stepper::Stepper;
-pub use system::{Direction, Guard, Point, Schedule, System};
+pub use system::{Delay, Direction, Guard, Operator, Past, Point, Schedule, System};
 pub use zoo::{ZOO, zoo, zoo_text};
 
 use crate::error::{Error, Result, nearest};
@@ -68,6 +70,18 @@ impl Model {
     /// As [`Model::new`].
     pub fn from_toml(text: &str, source: &str) -> Result<Self> {
         Self::new(Document::from_toml(text, source)?, Library::shipped()?, source)
+    }
+
+    /// The same model with effects of one's own in its library, each a name and the TOML text of its document.
+    ///
+    /// # Errors
+    /// [`Error::Document`] for a text that is no effect, or a name that is taken.
+    pub fn with_effects<S: AsRef<str>>(&self, own: &[(S, S)]) -> Result<Self> {
+        let mut library = self.library.clone();
+        for (name, text) in own {
+            library.add_toml(name.as_ref(), text.as_ref())?;
+        }
+        Ok(Self { library, ..self.clone() })
     }
 
     /// The document.
@@ -310,19 +324,20 @@ impl Model {
         })
     }
 
-    /// The model's starting mode with dry friction set apart, for the plain evaluator; `None` for a hybrid model.
+    /// The model's starting mode with dry friction set apart, for the plain evaluator; `None` for a hybrid model or
+    /// one with late inputs.
     pub fn parts(&self) -> Option<friction::Parts> {
-        let smooth =
-            self.assembly.modes.len() == 1 && self.assembly.events.is_empty() && self.assembly.ticks.is_empty();
-        smooth.then(|| friction::parts(&self.assembly, self.assembly.initial_mode))
+        let a = &self.assembly;
+        let smooth = a.modes.len() == 1 && a.events.is_empty() && a.ticks.is_empty() && a.delays.is_empty();
+        smooth.then(|| friction::parts(a, a.initial_mode))
     }
 
     /// Every mode and event with dry friction set apart, for the plain evaluator, and the starting mode; `None` for a model
-    /// with sampled updates.
+    /// with sampled updates or late inputs.
     pub fn all_parts(&self) -> Option<(Vec<friction::Parts>, Vec<friction::EventParts>, usize)> {
         let a = &self.assembly;
         let modes = || (0..a.modes.len()).map(|m| friction::parts(a, m)).collect();
-        a.ticks.is_empty().then(|| (modes(), friction::event_parts(a), a.initial_mode))
+        (a.ticks.is_empty() && a.delays.is_empty()).then(|| (modes(), friction::event_parts(a), a.initial_mode))
     }
 
     /// Position and velocity of a port in the starting mode, ready to be evaluated.

@@ -24,17 +24,37 @@ impl From<model::Model> for Model {
 
 #[pymethods]
 impl Model {
-    /// A model from the TOML text of a document; `source` is what errors call it.
+    /// A model from the TOML text of a document; `source` is what errors call it, `effects` are names and documents of
+    /// effects beyond the shipped ones.
     #[staticmethod]
-    fn from_toml(py: Python<'_>, text: &str, source: &str) -> PyResult<Self> {
-        Ok(door::short(py, || model::Model::from_toml(text, source))?.into())
+    #[pyo3(signature = (text, source, effects = Vec::new()))]
+    fn from_toml(py: Python<'_>, text: &str, source: &str, effects: Vec<(String, String)>) -> PyResult<Self> {
+        let read = || model::Model::new(Document::from_toml(text, source)?, Library::with(&effects)?, source);
+        Ok(door::short(py, read)?.into())
     }
 
-    /// A model from the JSON text of a document; `source` is what errors call it.
+    /// A model from the JSON text of a document; the rest as for `from_toml`.
     #[staticmethod]
-    fn from_json(py: Python<'_>, text: &str, source: &str) -> PyResult<Self> {
-        let read = || model::Model::new(Document::from_json(text, source)?, Library::shipped()?, source);
+    #[pyo3(signature = (text, source, effects = Vec::new()))]
+    fn from_json(py: Python<'_>, text: &str, source: &str, effects: Vec<(String, String)>) -> PyResult<Self> {
+        let read = || model::Model::new(Document::from_json(text, source)?, Library::with(&effects)?, source);
         Ok(door::short(py, read)?.into())
+    }
+
+    /// The same model with more effects in its library, each a name and the TOML text of its document.
+    fn with_effects(&self, py: Python<'_>, effects: Vec<(String, String)>) -> PyResult<Self> {
+        Ok(door::short(py, || self.core.with_effects(&effects))?.into())
+    }
+
+    /// Names of the effects in the model's library.
+    #[getter]
+    fn library(&self) -> Vec<&str> {
+        self.core.library().names().collect()
+    }
+
+    /// Where an effect may act in this model.
+    fn places(&self, py: Python<'_>, effect: &str) -> PyResult<Vec<String>> {
+        door::short(py, || self.core.places(effect))
     }
 
     /// The document as TOML text.
@@ -148,7 +168,7 @@ impl Model {
         Ok(door::short(py, || self.core.with_parameters(&values))?.into())
     }
 
-    /// The model with an effect of the library at a port; parameters that are left out are zero.
+    /// The model with an effect of the library at a place; parameters that are left out take the effect's defaults.
     fn attach(&self, py: Python<'_>, effect: &str, at: &str, parameters: &Bound<'_, PyMapping>) -> PyResult<Self> {
         let parameters = array::numbers("parameters", parameters)?;
         let parameters: Vec<_> = parameters.iter().map(|(name, value)| (name.as_str(), *value)).collect();

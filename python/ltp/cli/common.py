@@ -45,7 +45,7 @@ def epilog(*examples: str) -> str:
 
 
 def add_model(parser: argparse.ArgumentParser) -> None:
-    """The argument MODEL, and `--set` for its parameters."""
+    """The argument MODEL, `--set` for its parameters, and `--effects` for what may be missing or attached."""
     parser.add_argument("model", metavar="MODEL", help="model document (.toml), or zoo:NAME for a reference model")
     parser.add_argument(
         "--set",
@@ -54,6 +54,13 @@ def add_model(parser: argparse.ArgumentParser) -> None:
         default=[],
         dest="parameters",
         help="replace the value of a parameter, in its own unit; may be repeated",
+    )
+    parser.add_argument(
+        "--effects",
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="a document (.toml) of a piece of physics of your own, called by the name of the file; may be repeated",
     )
 
 
@@ -91,8 +98,8 @@ def as_svg(figure: Figure, description: str) -> str:
 
 
 def load_model(arguments: argparse.Namespace) -> Model:
-    """The model of MODEL and `--set`."""
-    model = read_model(arguments.model)
+    """The model of MODEL, `--effects` and `--set`."""
+    model = read_model(arguments.model, arguments.effects)
     values = numbers("--set", arguments.parameters)
     return model.with_parameters(values) if values else model
 

@@ -6,7 +6,7 @@
 use std::collections::HashMap;
 
 use super::assemble::place;
-use super::document::{Acts, Document};
+use super::document::{Acts, Before, Document};
 use super::graph::{Fun1, Fun2};
 use super::parse::{Ast, error_at, parse};
 use super::units::{DIMENSIONLESS, Dimensions, Unit, same};
@@ -108,6 +108,11 @@ impl Checker<'_> {
         }
         if let Some(clock) = &doc.clock {
             self.wants(&clock.period, second, "clock.period", "a time")?;
+        }
+        for (name, input) in &doc.inputs {
+            if let Some(Before::Periodic { periodic }) = &input.before {
+                self.wants(periodic, second, &format!("inputs.{name}.before"), "a time")?;
+            }
         }
         self.mass_matrix()?;
         for (name, port) in &doc.ports {

@@ -8,7 +8,10 @@
 //! | `port` | `law` | smooth force | `position`, `velocity`; `port_stiffness`; `free_acceleration`, `mobility` |
 //! | `port` | `dry` | magnitude of a set-valued friction force that opposes motion and holds at rest up to that magnitude | `position`, `velocity` |
 //! | `input` | `law` | what the model sees instead of the input or signal | `value`: what stands there |
+//! | `input` | `delay` | time by which it is late, s | (parameters only) |
 //! | `output` | `law` | what is measured | `value`: what would be measured |
+//! | `output` | `delay` | time by which the sensor is late, s | (parameters only) |
+//! | `output` | `play` | gap of a play that the sensor has | (parameters only) |
 //! | `contact` | `law` | force of a ground that yields, on the contact's port | `gap`, `rate` |
 //! | `contact` | `gap` | distance to the ground as it really is | `gap`, `rate` |
 //! | `contact` | `rebound` | rate just after touchdown, from the one before | `gap`, `rate` |
@@ -23,7 +26,7 @@ use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
 use super::document::Named;
-use super::parse::parse;
+use super::parse::{is_name, is_reserved, parse};
 use crate::error::{Error, Result, nearest};
 
 /// One effect of the library.
@@ -46,6 +49,12 @@ pub struct Effect {
     /// Rate of a contact's gap after touchdown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rebound: Option<String>,
+    /// Time by which an input or output is late, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delay: Option<String>,
+    /// Gap of a play at an output: what is shown follows only where it would leave half the gap on either side.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub play: Option<String>,
     /// Additional states with their rates.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub states: Named<EffectState>,
@@ -123,11 +132,14 @@ impl EffectParameter {
     }
 }
 
+/// Words of places, which laws use.
+const WORDS: [&str; 6] = ["position", "velocity", "port_stiffness", "free_acceleration", "mobility", "value"];
+
 /// What an effect does at its place: the key of its document and the expression there.
 const ACTIONS: [(&str, &[&str]); 5] = [
     ("port", &["law", "dry"]),
-    ("input", &["law"]),
-    ("output", &["law"]),
+    ("input", &["law", "delay"]),
+    ("output", &["law", "delay", "play"]),
     ("contact", &["law", "gap", "rebound"]),
     ("parameter", &["law"]),
 ];
@@ -135,7 +147,14 @@ const ACTIONS: [(&str, &[&str]); 5] = [
 impl Effect {
     /// The keys that say what it does, with their expressions.
     fn actions(&self) -> Vec<(&'static str, &str)> {
-        let all = [("law", &self.law), ("dry", &self.dry), ("gap", &self.gap), ("rebound", &self.rebound)];
+        let all = [
+            ("law", &self.law),
+            ("dry", &self.dry),
+            ("gap", &self.gap),
+            ("rebound", &self.rebound),
+            ("delay", &self.delay),
+            ("play", &self.play),
+        ];
         all.into_iter().filter_map(|(key, text)| Some((key, text.as_deref()?))).collect()
     }
 
@@ -165,6 +184,14 @@ impl Effect {
                     if names.is_empty() { "none".into() } else { names.join(" and ") }
                 ));
             }
+        }
+        let texts = found.into_iter().chain(self.states.values().map(|s| ("flow", s.flow.as_str())));
+        for (key, text) in texts {
+            parse(text, &format!("{path}, {key}"))?;
+        }
+        let taken = |name: &str| !is_name(name) || is_reserved(name) || WORDS.contains(&name);
+        if let Some(name) = self.parameters.keys().chain(self.states.keys()).find(|name| taken(name)) {
+            return fault(format!("`{name}` cannot name a parameter or a state of it; choose another name"));
         }
         for (name, p) in &self.parameters {
             let low = p.min.unwrap_or(f64::NEG_INFINITY);
@@ -204,7 +231,7 @@ macro_rules! shipped {
 }
 
 /// Text of every effect that ships with the crate, by name, in the order of the vocabulary.
-pub const SHIPPED: [(&str, &str); 26] = shipped![
+pub const SHIPPED: [(&str, &str); 29] = shipped![
     "viscous_friction",
     "coulomb_friction",
     "stribeck_friction",
@@ -220,12 +247,15 @@ pub const SHIPPED: [(&str, &str); 26] = shipped![
     "flexible_mode",
     "input_gain",
     "input_bias",
+    "input_delay",
     "input_lag",
     "input_saturation",
     "input_dead_zone",
     "output_gain",
     "output_bias",
+    "output_delay",
     "output_lag",
+    "output_backlash",
     "compliant_ground",
     "restitution",
     "ground_height",
@@ -251,6 +281,18 @@ impl Library {
             .clone()
     }
 
+    /// The shipped library with effects of one's own, each a name and the TOML text of its document.
+    ///
+    /// # Errors
+    /// As [`Library::add_toml`].
+    pub fn with<S: AsRef<str>>(own: &[(S, S)]) -> Result<Self> {
+        let mut library = Self::shipped()?;
+        for (name, text) in own {
+            library.add_toml(name.as_ref(), text.as_ref())?;
+        }
+        Ok(library)
+    }
+
     /// Adds an effect from TOML text.
     ///
     /// # Errors
@@ -270,6 +312,9 @@ impl Library {
     pub fn add(&mut self, name: &str, effect: Effect) -> Result<()> {
         let fault = |message: &str| Error::Document { path: format!("effect `{name}`"), message: message.into() };
         effect.check(&format!("effect `{name}`"))?;
+        if !is_name(name) {
+            return Err(fault("an effect is called by a name: letters, digits and `_`, beginning with a letter"));
+        }
         if self.effects.contains_key(name) {
             return Err(fault("there is an effect of this name already; choose another"));
         }

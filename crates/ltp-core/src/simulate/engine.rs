@@ -10,7 +10,7 @@ use super::locate::{Crossing, Span, Watch};
 use super::saltation::{self, Sizes};
 use super::step::{Context, Work};
 use super::stop::{Event, Stats, Stop};
-use crate::model::{Point, Schedule, Stepper, System};
+use crate::model::{Delay, Point, Schedule, Stepper, System};
 
 /// Events at one instant beyond which the engine calls it chattering.
 const CHATTER: usize = 64;
@@ -64,10 +64,14 @@ pub struct Engine<'a> {
     stats: Stats,
     largest: Vec<f64>,
     error: Vec<f64>,
+    /// Inputs that are seen late, where there are derivatives by their delays.
+    late: Vec<Delay>,
+    /// Whether one of them may jump now.
+    late_due: bool,
 }
 
 impl<'a> Engine<'a> {
-    /// An engine at the start: the mode settled, guards armed, ticks that are due carried out.
+    /// An engine at the start, with the inputs as the system sees them ([`Inputs::seen_by`]): the mode settled, guards armed, ticks that are due carried out.
     pub fn new(
         system: &'a dyn System,
         p: &'a [f64],
@@ -76,7 +80,7 @@ impl<'a> Engine<'a> {
         mode: usize,
         settings: Settings,
     ) -> Result<Self, Stop> {
-        let sizes = Sizes { nx: system.states(), nf: system.free().len(), nu: system.inputs() };
+        let sizes = Sizes { nx: system.states(), nf: system.free().len(), nu: inputs.channels() };
         let Sizes { nx, nf, nu } = sizes;
         let mut s = vec![0.0; if settings.derivatives { nx * (nx + nf) } else { 0 }];
         for i in 0..nx.min(s.len()) {
@@ -107,7 +111,13 @@ impl<'a> Engine<'a> {
             stats: Stats::default(),
             largest: vec![0.0; nx],
             error: vec![0.0; nx],
+            late: Vec::new(),
+            late_due: false,
         };
+        if settings.derivatives {
+            engine.late = system.delays(p);
+            engine.late_due = !engine.late.is_empty();
+        }
         engine.enter(mode, true);
         engine.tick_due()?;
         Ok(engine)
@@ -141,7 +151,7 @@ impl<'a> Engine<'a> {
         Stats { error_estimate, evaluations: self.work.evaluations, ..self.stats }
     }
 
-    /// Input at the present time, as it continues.
+    /// Inputs at the present time, as they continue, and the channels of late ones behind them.
     pub fn input(&mut self) -> &[f64] {
         let interval = self.inputs.interval(self.t + 1e-6 * self.settings.step);
         self.inputs.eval(interval, self.t, &mut self.u);
@@ -191,9 +201,44 @@ impl<'a> Engine<'a> {
             if self.inputs.jumps() {
                 self.first_stage_known = false;
                 self.recheck = true;
+                self.late_due = !self.late.is_empty();
             }
         }
         Ok(())
+    }
+
+    /// Late inputs that jump now. One that does would do so later if its delay grew: the flow before it lasts longer, that
+    /// after it, in the mode that the jump leads to, begins later. Here the first half; a jump at a sample counts behind it.
+    fn late_before(&mut self, c: Context<'_>) -> Vec<usize> {
+        let Sizes { nx, nf, nu } = self.sizes;
+        let own = nu - 2 * self.late.len();
+        let (mut before, mut after, mut flow) = (vec![0.0; nu], vec![0.0; nu], vec![0.0; nx]);
+        self.inputs.eval(self.inputs.interval(self.t - 1e-6 * self.settings.step), self.t, &mut before);
+        self.inputs.eval(c.interval, self.t, &mut after);
+        let jumps = |k: &usize| before[own + 2 * k] != after[own + 2 * k];
+        let jumping: Vec<usize> = (0..self.late.len()).filter(jumps).collect();
+        for &k in &jumping {
+            let now = std::mem::replace(&mut after[own + 2 * k], before[own + 2 * k]);
+            let at = Point { t: self.t, x: &self.x, u: &after, p: self.p };
+            // At the very start the mode was chosen for what comes after the jump.
+            let start = self.stats.steps == 0 && self.stats.events == 0;
+            let mode = if start { self.system.settle(self.mode, at) } else { self.mode };
+            self.system.flow(mode, at, &mut flow);
+            after[own + 2 * k] = now;
+            add_outer(1.0, &flow, &self.late[k].slope, nx + nf, &mut self.s);
+        }
+        jumping
+    }
+
+    /// The second half of [`Self::late_before`].
+    fn late_after(&mut self, c: Context<'_>, jumping: &[usize]) {
+        let Sizes { nx, nf, nu } = self.sizes;
+        let (mut u, mut flow) = (vec![0.0; nu], vec![0.0; nx]);
+        self.inputs.eval(c.interval, self.t, &mut u);
+        self.system.flow(self.mode, Point { t: self.t, x: &self.x, u: &u, p: self.p }, &mut flow);
+        for &k in jumping {
+            add_outer(-1.0, &flow, &self.late[k].slope, nx + nf, &mut self.s);
+        }
     }
 
     /// Flows to a time through any events before it.
@@ -222,10 +267,18 @@ impl<'a> Engine<'a> {
     fn step_to(&mut self, end: f64) -> Result<(), Stop> {
         let h = end - self.t;
         let c = self.context(self.t + 0.5 * h);
+        let jumping = if std::mem::take(&mut self.late_due) { self.late_before(c) } else { Vec::new() };
         if std::mem::take(&mut self.recheck)
             && let Some(guard) = self.watch.past(c, self.t, &self.x)
         {
-            return self.fire(c, guard, None);
+            self.fire(c, guard, None)?;
+            if !jumping.is_empty() {
+                self.late_after(c, &jumping);
+            }
+            return Ok(());
+        }
+        if !jumping.is_empty() {
+            self.late_after(c, &jumping);
         }
         let derivatives = self.settings.derivatives;
         self.work.step(c, self.t, h, &self.x, self.first_stage_known, derivatives);
@@ -420,5 +473,14 @@ impl<'a> Engine<'a> {
             }
         }
         Ok(())
+    }
+}
+
+/// `s[.., last columns] += sign * flow * slope`, with `ns` columns.
+fn add_outer(sign: f64, flow: &[f64], slope: &[f64], ns: usize, s: &mut [f64]) {
+    for (row, f) in s.chunks_exact_mut(ns).zip(flow) {
+        for (s, by) in row[ns - slope.len()..].iter_mut().zip(slope) {
+            *s += sign * f * by;
+        }
     }
 }

@@ -142,7 +142,10 @@ pub fn draw(what: &Draw) -> Result<(Case, Concealed)> {
         }
         nominal = Model::new(nominal.document().clone(), library, "")?;
     }
-    let mut random = SplitMix64::new(what.seed ^ 0x9e37_79b9_7f4a_7c15);
+    // Systems and difficulties of one seed share nothing.
+    let words = what.system.bytes().chain([b' ', what.difficulty as u8]);
+    let mixed = words.fold(what.seed, |s, b| SplitMix64::new(s ^ u64::from(b)).next_u64());
+    let mut random = SplitMix64::new(mixed);
     let mut why = String::new();
     for rejected in 0..TRIES {
         // Each try has its own stream, so that a change of one rule does not change what follows.

@@ -12,8 +12,8 @@ pub const SYSTEMS: [&str; 6] = ["cart_pendulum", "pendulum", "duffing", "two_mas
 
 /// Amplitudes of the records: two to train, one held out.
 const AMPLITUDES: [f64; 3] = [1.0, 0.4, 0.7];
-/// Clock periods in which the hopper settles before a record.
-const SETTLING: usize = 40;
+/// Clock periods in which the hopper settles before a record; a start is fitted, so a rest of it does no harm.
+const SETTLING: usize = 15;
 /// Proportional and derivative gain of the loop around the drive, N/m and N s/m.
 const LOOP: (f64, f64) = (6000.0, 1000.0);
 
@@ -77,7 +77,7 @@ impl Setup {
         let lead = match (model, repeated) {
             ("hopper", _) => SETTLING * if repeated { 66 } else { 132 },
             ("drive", _) | (_, false) => 0,
-            (_, true) => 20 * period,
+            (_, true) => 10 * period,
         };
         let waves = AMPLITUDES
             .into_iter()

@@ -39,10 +39,13 @@ from ltp.diagnose import (
     ParameterChange,
     diagnose,
 )
+from ltp.diagnose_many import JobError, JobResult, diagnose_many
 from ltp.feedback import Feedback
 from ltp.feedforward import Reference, feedforward
 from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
+from ltp.isolability import Isolability, isolability
+from ltp.jobs import Job
 from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
 from ltp.periodic import Floquet, LiftedMode, Transverse
@@ -85,6 +88,10 @@ __all__ = [
     "HeldOut",
     "Htf",
     "InputError",
+    "Isolability",
+    "Job",
+    "JobError",
+    "JobResult",
     "Jump",
     "Law",
     "Lifted",
@@ -118,10 +125,12 @@ __all__ = [
     "cycle",
     "cycle_average",
     "diagnose",
+    "diagnose_many",
     "feedforward",
     "identify",
     "identify_arx",
     "identify_map",
+    "isolability",
     "linearize",
     "metrics",
     "phase_from_events",

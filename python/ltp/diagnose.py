@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +48,35 @@ class Location:
     phases: list[Any]
     p_value: float | None
     margin: float | None
+    sentence: str = ""
+
+
+@dataclass(frozen=True)
+class Absorbed:
+    """A nominal parameter that had soaked up missing physics before it was named, by how many standard deviations.
+
+    `forbidden` says why its absorbed value cannot be physics, where it cannot (a damping that turned negative).
+    """
+
+    parameter: str
+    before: float
+    after: float
+    sigmas: float
+    unit: str
+    forbidden: str | None
+
+
+@dataclass(frozen=True)
+class Separating:
+    """A change of the experiment that would tell the rivals `separates` apart, with the deviance `gain` it promises.
+
+    `kind` is "amplitude", "sensor", "slow", "bandwidth" or "longer"; a gain of 10 is decisive.
+    """
+
+    sentence: str
+    kind: str
+    separates: list[str]
+    gain: float
 
 
 @dataclass(frozen=True)
@@ -65,7 +94,8 @@ class Candidate:
     """One explanation that was tried: `score` is 0 for the best, larger is worse, NaN for one out of the race.
 
     `held_out` is its deviance on the held-out records less that of the nominal model, negative when it predicts better.
-    The entry named "nothing" is the nominal model with refitted parameters. `note` says why one is out of the race.
+    The entry named "nothing" is the nominal model with refitted parameters. `note` says why one is out of the race;
+    `beside` names what was accepted before and stands beside it.
     """
 
     name: str
@@ -75,6 +105,7 @@ class Candidate:
     converged: bool
     parameters: dict[str, float]
     note: str | None
+    beside: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -131,13 +162,36 @@ class Law:
     sd: Array
 
 
+class _Core(Protocol):
+    """What a diagnosis rests on: that of the extension, or one that was told again."""
+
+    def json(self) -> str: ...
+    def traces(self) -> dict[str, Any]: ...
+
+
+@dataclass(frozen=True)
+class _Told:
+    """A diagnosis from another process or from a file."""
+
+    text: str
+    curves: dict[str, Any]
+
+    def json(self) -> str:
+        return self.text
+
+    def traces(self) -> dict[str, Any]:
+        return self.curves
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """The answer of `ltp.diagnose`.
 
     `verdict` is one of "consistent", "parameter", "effect", "ambiguous", "unknown"; `sentence` says it with numbers and
     units. `location` is a list when two effects are named, None when there is nothing to locate. `ambiguous_with` names
-    what the data cannot tell from the winner. `model` is the augmented model, `model_name` the nominal one's name.
+    what the data cannot tell from the winner. `absorbed` lists the
+    nominal parameters that had soaked up what was missing, `separate` the experiments that would tell rivals apart.
+    `model` is the augmented model, `model_name` the nominal one's name.
     """
 
     verdict: str
@@ -147,12 +201,14 @@ class Diagnosis:
     candidates: list[Candidate]
     ambiguous_with: list[str]
     parameters: dict[str, ParameterChange]
+    absorbed: list[Absorbed]
+    separate: list[Separating]
     fit: Fit
     law: Law | None
     warnings: list[str]
     seconds: float
     model_name: str
-    _core: _ltp.Diagnosis = field(repr=False, compare=False)
+    _core: _Core = field(repr=False, compare=False)
     _document: str = field(repr=False)
 
     @cached_property
@@ -168,6 +224,19 @@ class Diagnosis:
     def to_json(self) -> str:
         """The whole diagnosis as one JSON object, as `ltp diagnose --json` prints it."""
         return self._core.json()
+
+    @staticmethod
+    def from_json(text: str, traces: Mapping[str, Any] | None = None) -> Diagnosis:
+        """A diagnosis again, from `to_json` and, for the figures of its report, from its `traces`.
+
+        Raises `InputError` when the text is not what `to_json` or `ltp diagnose --json` wrote.
+        """
+        curves = dict(traces) if traces is not None else {"records": [], "force": [], "law": None}
+        return _parse(_Told(text, curves))
+
+    def __reduce__(self) -> tuple[Callable[..., Diagnosis], tuple[str, dict[str, Any]]]:
+        """A diagnosis travels to another process, and is copied, as its JSON and its curves."""
+        return Diagnosis.from_json, (self.to_json(), self.traces)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a self-contained HTML page that opens offline; returns the path.
@@ -232,8 +301,17 @@ def _listed(role: str, records: Recording | Sequence[Recording]) -> list[Recordi
     return listed
 
 
-def _parse(core: _ltp.Diagnosis) -> Diagnosis:
-    tree: dict[str, Any] = json.loads(core.json())
+def _parse(core: _Core) -> Diagnosis:
+    try:
+        return _from_tree(core, json.loads(core.json()))
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"not the JSON of a diagnosis ({type(error).__name__}: {error}); expected what to_json() "
+            "or `ltp diagnose --json` wrote, by this version"
+        ) from None
+
+
+def _from_tree(core: _Core, tree: dict[str, Any]) -> Diagnosis:
     where = tree["location"]
     law = tree["law"]
     return Diagnosis(
@@ -253,11 +331,14 @@ def _parse(core: _ltp.Diagnosis) -> Diagnosis:
                 converged=entry["converged"],
                 parameters=entry["parameters"],
                 note=entry["note"],
+                beside=entry.get("with", []),
             )
             for entry in tree["candidates"]
         ],
         ambiguous_with=tree["ambiguous_with"],
         parameters={name: _change(entry) for name, entry in tree["parameters"].items()},
+        absorbed=[Absorbed(**entry) for entry in tree["absorbed"]],
+        separate=[Separating(**entry) for entry in tree["separate"]],
         fit=Fit([_row(row) for row in tree["fit"]["train"]], [_row(row) for row in tree["fit"]["test"]]),
         law=None
         if law is None
@@ -287,6 +368,7 @@ def _location(tree: Mapping[str, Any]) -> Location:
         phases=tree.get("phases", []),
         p_value=tree.get("p_value"),
         margin=tree.get("margin"),
+        sentence=tree.get("sentence") or "",
     )
 
 

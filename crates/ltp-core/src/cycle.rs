@@ -7,6 +7,7 @@ mod survey;
 
 use crate::error::{Error, Result};
 use crate::model::System;
+use crate::model::system::without_past;
 use crate::numeric::{Complex, eigen};
 use crate::simulate::{Event, Inputs, Plan, Trajectory, simulate};
 use shoot::{Arrival, Flow, Found, Lost, Orbit};
@@ -136,6 +137,7 @@ fn checked(system: &dyn System, p: &[f64], options: &Options) -> Result<(Inputs,
         if expected == found { Ok(()) } else { Err(Error::Shape { what: what.into(), expected, found }) }
     };
     shape("parameters", system.parameters().len(), p.len())?;
+    without_past(system, p, "cycle")?;
     let inputs = if options.inputs.is_empty() { vec![0.0; system.inputs()] } else { options.inputs.clone() };
     shape("constant inputs", system.inputs(), inputs.len())?;
     let start = options.start.clone().unwrap_or_else(|| system.initial_state());

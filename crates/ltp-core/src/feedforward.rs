@@ -10,6 +10,7 @@ mod balance;
 mod inverse;
 
 use crate::error::{Error, Result, nearest};
+use crate::model::system::without_past;
 use crate::model::{Model, Point, System};
 use crate::numeric::rng::SplitMix64;
 use crate::numeric::{Complex, fourier_series::FourierSeries};
@@ -217,6 +218,7 @@ pub fn defect(
 
 /// Refuses a motion that is not one of the system.
 pub(crate) fn fits(system: &dyn System, p: &[f64], states: &FourierSeries, inputs: &FourierSeries) -> Result<()> {
+    without_past(system, p, "reference")?;
     for (what, expected, found) in [
         ("parameters", system.parameters().len(), p.len()),
         ("rows of the reference's states", system.states(), states.rows()),

@@ -19,6 +19,7 @@ pub use along::along;
 
 use crate::cycle::{CycleEvent, LimitCycle};
 use crate::error::{Error, Result};
+use crate::model::system::without_past;
 use crate::model::{Point, System};
 use crate::numeric::gauss::Gauss;
 use crate::periodic::Jump;
@@ -38,6 +39,7 @@ const ITERATIONS: usize = 30;
 /// the schedule of a sampled update does not fit into the period; `NoConvergence` when the orbit is not resolved.
 pub fn linearize(system: &dyn System, p: &[f64], cycle: &LimitCycle) -> Result<LtpSystem> {
     let size = Size { nx: system.states(), nu: system.inputs(), ny: system.outputs() };
+    without_past(system, p, "linearize")?;
     if cycle.start.len() != size.nx {
         return Err(Error::Shape { what: "states of the orbit".into(), expected: size.nx, found: cycle.start.len() });
     }

@@ -2,14 +2,15 @@
 //!
 //! Read in order: [`document`] (the tree a file holds), [`parse`] (expressions), [`units`], [`effects`] (the library of
 //! candidate physics), [`attach`] (where they act), [`graph`] (shared expressions), `derivative`, [`mod@assemble`] (names and
-//! equations), `port_laws` and [`contact`] (what effects do), [`friction`] (slip and stick), [`tape`] and [`native`] (evaluation), [`stepper`] (a whole step as one program), [`system`] (the
-//! trait simulation works on).
+//! equations), `port_laws`, [`contact`] and [`delay`] (what effects do), [`friction`] (slip and stick), [`tape`] and [`native`]
+//! (evaluation), [`stepper`] (a whole step as one program), [`system`] (the trait simulation works on).
 
 pub mod assemble;
 pub mod attach;
 pub mod check_units;
 pub mod compiled;
 pub mod contact;
+pub mod delay;
 mod derivative;
 pub mod document;
 pub mod effects;
@@ -21,6 +22,7 @@ pub mod parse;
 mod port_laws;
 pub mod program;
 pub mod scope;
+mod slopes;
 pub mod stepper;
 pub mod system;
 pub mod tape;
@@ -33,7 +35,7 @@ pub use document::{Attached, Definition, Document, FullDefinition};
 pub use effects::{Effect, Library};
 pub use program::Backend;
 pub use stepper::Stepper;
-pub use system::{Direction, Guard, Point, Schedule, System};
+pub use system::{Delay, Direction, Guard, Operator, Past, Point, Schedule, System};
 pub use zoo::{ZOO, zoo, zoo_text};
 
 use crate::error::{Error, Result, nearest};

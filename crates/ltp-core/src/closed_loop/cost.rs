@@ -163,6 +163,7 @@ impl SimulationCost {
         let inputs = Inputs::constant(&vec![0.0; self.system.inputs()]);
         let settings = Settings { t0: 0.0, step: self.task.dt, max_steps: 10 * n as u64, derivatives };
         let mode = self.system.initial_mode();
+        let inputs = inputs.seen_by(&self.system, &p);
         let Ok(mut engine) = Engine::new(&self.system, &p, &inputs, &self.start, mode, settings) else {
             return f64::INFINITY;
         };

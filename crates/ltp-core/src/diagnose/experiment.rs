@@ -6,6 +6,7 @@ use crate::error::{Error, Result, nearest};
 use crate::model::{Model, System};
 use crate::signal::Recording;
 use crate::simulate::engine::{Engine, Settings};
+use crate::simulate::sensor::Sensor;
 use crate::simulate::{Hold, Inputs, Stop};
 
 /// Asks long work to stop, and tells how far it is.
@@ -155,8 +156,9 @@ impl Run<'_> {
         let ns = nx + nf;
         let step = e.dt / substeps as f64;
         let settings = Settings { t0: e.t0, step, max_steps: 100 * (e.len() as u64 + 10) * substeps, derivatives };
-        let mut engine = Engine::new(system, p, &e.inputs, x0, system.initial_mode(), settings)?;
-        let mut jacobian = vec![0.0; ny + ny * nx + ny * nf];
+        let inputs = e.inputs.seen_by(system, p);
+        let mut engine = Engine::new(system, p, &inputs, x0, system.initial_mode(), settings)?;
+        let mut sensor = Sensor::new(system, p, &inputs, x0, system.initial_mode(), settings)?;
         let mut y = vec![0.0; ny];
         let mut dy = vec![0.0; if derivatives { ny * ns } else { 0 }];
         let (mut x, mut s) = (vec![0.0; nx], vec![0.0; if derivatives { nx * ns } else { 0 }]);
@@ -164,14 +166,7 @@ impl Run<'_> {
             if k % 256 == 0 && control.cancelled.load(Ordering::Relaxed) {
                 return Err(Stop::StepLimit { time: engine.time(), mode: "interrupted".into(), limit: k as u64 });
             }
-            engine.advance(k as u64 * substeps)?;
-            if derivatives {
-                engine.output_jacobian(&mut jacobian);
-                y.copy_from_slice(&jacobian[..ny]);
-                chain(&jacobian[ny..], engine.sensitivities(), (ny, nx, nf), &mut dy);
-            } else {
-                engine.output(&mut y);
-            }
+            sensor.advance(&mut engine, k as u64 * substeps, &mut y, &mut dy)?;
             each(k, &y, &dy);
             let Some(o) = observer else { continue };
             // States that effects brought along are not corrected: the observer was made without them.
@@ -204,24 +199,5 @@ impl Run<'_> {
         let mut out = Vec::with_capacity(self.experiment.y.len());
         self.go(false, &mut |_, y, _| out.extend_from_slice(y)).ok()?;
         out.iter().all(|v| v.is_finite()).then_some(out)
-    }
-}
-
-/// `C S + [0 | Y_p]`: output derivatives by initial state and free parameter.
-fn chain(jacobian: &[f64], s: &[f64], (ny, nx, nf): (usize, usize, usize), dy: &mut [f64]) {
-    let ns = nx + nf;
-    let (c, yp) = jacobian.split_at(ny * nx);
-    for j in 0..ny {
-        let row = &mut dy[j * ns..(j + 1) * ns];
-        row[..nx].fill(0.0);
-        row[nx..].copy_from_slice(&yp[j * nf..(j + 1) * nf]);
-        for i in 0..nx {
-            let w = c[j * nx + i];
-            if w != 0.0 {
-                for (r, v) in row.iter_mut().zip(&s[i * ns..(i + 1) * ns]) {
-                    *r += w * v;
-                }
-            }
-        }
     }
 }

@@ -78,7 +78,8 @@ impl Filter<'_> {
         let max_steps = 100 * (e.len() as u64 + 10) * self.substeps;
         let settings = Settings { t0: e.t0, step, max_steps, derivatives: true };
         let mode = self.system.initial_mode();
-        let mut engine = Engine::new(self.system, self.p, &e.inputs, self.start.0, mode, settings)?;
+        let inputs = e.inputs.seen_by(self.system, self.p);
+        let mut engine = Engine::new(self.system, self.p, &inputs, self.start.0, mode, settings)?;
         let mut identity = vec![0.0; nx * ns];
         for i in 0..nx {
             identity[i * ns + i] = 1.0;

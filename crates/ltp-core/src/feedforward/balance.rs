@@ -12,6 +12,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::{ROUNDING, Reference, index};
 use crate::error::{Error, Result};
+use crate::model::system::without_past;
 use crate::model::{Point, System};
 use crate::numeric::fourier_series::FourierSeries;
 
@@ -59,6 +60,7 @@ pub fn feedforward(
     prescribed: &FourierSeries,
     options: &Options,
 ) -> Result<Reference> {
+    without_past(system, p, "reference")?;
     let problem = Problem::new(system, p, coordinate, prescribed, options)?;
     let start = problem.start(options.start.as_ref());
     let mean = prescribed.coefficients()[0].re;

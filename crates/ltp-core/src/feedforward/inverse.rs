@@ -6,6 +6,7 @@
 
 use super::{index, instants};
 use crate::error::{Error, Result};
+use crate::model::system::without_past;
 use crate::model::{Compiled, Definition, Model, Point, System};
 use crate::numeric::fourier_series::FourierSeries;
 
@@ -21,6 +22,7 @@ pub(super) fn input_of(
     held: &[f64],
 ) -> Result<FourierSeries> {
     let (nx, nu, ny) = (system.states(), system.inputs(), system.outputs());
+    without_past(system, system.parameters(), "reference")?;
     index("input to solve for", input, nu)?;
     let held = if held.is_empty() { vec![0.0; nu] } else { held.to_vec() };
     if held.len() != nu {

@@ -6,6 +6,7 @@
 
 use super::{RESOLVED, SMALLEST};
 use crate::error::{Error, Result};
+use crate::model::system::without_past;
 use crate::model::{Point, System};
 use crate::numeric::fourier_series::FourierSeries;
 use crate::numeric::gauss::Gauss;
@@ -27,6 +28,7 @@ pub fn along(
     inputs: &FourierSeries,
 ) -> Result<LtpSystem> {
     let size = Size { nx: system.states(), nu: system.inputs(), ny: system.outputs() };
+    without_past(system, p, "linearize")?;
     let rows = [("rows of the states", size.nx, states), ("rows of the inputs", size.nu, inputs)];
     for (what, expected, series) in rows {
         // A system without inputs has a series of one row that nothing reads.

@@ -6,6 +6,7 @@
 use indexmap::IndexMap;
 
 use super::attach::Place;
+use super::delay::{DelayEquation, OperatorEquation, OperatorKind, PastEquation};
 use super::document::{Acts, Direction, Document, Named};
 use super::effects::Library;
 use super::graph::{Graph, Id, Symbol};
@@ -103,6 +104,10 @@ pub struct Assembly {
     pub dry_names: Vec<String>,
     /// Period of the clock.
     pub period: Option<Id>,
+    /// Inputs that are seen late, in the order of their channels.
+    pub delays: Vec<DelayEquation>,
+    /// What is done to outputs after they were computed.
+    pub operators: Vec<OperatorEquation>,
 }
 
 /// Name of the mode of a model that has only one.
@@ -113,7 +118,7 @@ pub const ONLY_MODE: &str = "motion";
 /// # Errors
 /// [`Error::Expression`], [`Error::Model`], [`Error::UnknownName`], [`Error::Unit`]: every message names the place in the document.
 pub fn assemble(doc: &Document, library: &Library, source: &str) -> Result<Assembly> {
-    let mut graph = Graph::new();
+    let mut graph = Graph::over_inputs(doc.inputs.len());
     let mode_names: Vec<String> =
         if doc.modes.is_empty() { vec![ONLY_MODE.to_string()] } else { doc.modes.keys().cloned().collect() };
     let names = Names::new(doc, library, source)?;
@@ -212,9 +217,28 @@ pub fn assemble(doc: &Document, library: &Library, source: &str) -> Result<Assem
         dry_ports: names.dry.iter().map(|d| d.port).collect(),
         dry_names: names.dry.iter().map(|d| d.name.clone()).collect(),
         period,
+        delays: Vec::new(),
+        operators: Vec::new(),
     };
     initial_effect_states(&mut assembly, &mut scopes[initial_mode], doc)?;
     port_laws::attach_laws(&mut assembly, &mut scopes, doc)?;
+    for e in &names.effects {
+        let Place::Output(output) = e.place else { continue };
+        for (kind, key, text) in
+            [(OperatorKind::Delay, "delay", &e.effect.delay), (OperatorKind::Play, "play", &e.effect.play)]
+        {
+            let Some(text) = text else { continue };
+            let value = scopes[0].constant_of(&mut assembly.graph, text, e, key)?;
+            assembly.operators.push(OperatorEquation { output, kind, value });
+        }
+    }
+    for (input, delay) in assembly.graph.late().to_vec() {
+        let (name, document) = doc.inputs.get_index(input).expect("late inputs are inputs");
+        let past = PastEquation::of(document.before.as_ref(), |text| {
+            constant(&mut assembly.graph, &mut scopes[0], text, &format!("inputs.{name}.before"), source)
+        })?;
+        assembly.delays.push(DelayEquation { input, delay, past });
+    }
     Ok(assembly)
 }
 

@@ -3,12 +3,14 @@
 use std::sync::OnceLock;
 
 use super::assemble::Assembly;
+use super::delay::{DelayEquation, PastEquation};
 use super::document::Direction;
 use super::friction::{Contact, Forces, Product, forces};
 use super::graph::{Graph, Id, Symbol};
 use super::program::{Backend, Program};
+use super::slopes::{all_slopes, along_flow, past_programs, slopes};
 use super::stepper::Stepper;
-use super::system::{Guard, Point, Schedule, System};
+use super::system::{Delay, Guard, Operator, Past, Point, Schedule, System};
 
 /// Speed below which a dry element counts as at rest when a state is set from outside, in units of its port.
 const REST: f64 = 1e-13;
@@ -19,7 +21,12 @@ pub struct Compiled {
     product: Product,
     values: Vec<f64>,
     free: Vec<usize>,
+    /// Inputs, and with the channels of late ones behind them.
     inputs: usize,
+    channels: usize,
+    /// Delays of late inputs with their derivatives, then periods of their pasts (zero where there are none).
+    late: Program,
+    operators: Program,
     backend: Backend,
     modes: Vec<OnceLock<ModeValues>>,
     jacobians: Vec<OnceLock<ModeJacobians>>,
@@ -85,6 +92,8 @@ impl Compiled {
     /// Makes programs for an assembly; `free` are the parameters that derivatives are taken for.
     pub fn new(assembly: Assembly, product: Product, inputs: usize, free: Vec<usize>, backend: Backend) -> Self {
         let values: Vec<f64> = assembly.parameters.iter().map(|p| p.value).collect();
+        let channels = inputs + 2 * assembly.delays.len();
+        let (late, operators) = past_programs(&assembly, &free);
         let schedule: Vec<Id> = assembly.ticks.iter().flat_map(|t| [t.every, t.offset]).collect();
         let schedule = Program::plain(&assembly.graph, &schedule);
         let mut graph = assembly.graph.clone();
@@ -93,7 +102,7 @@ impl Compiled {
             let value: Vec<&[Id]> = t.update.iter().map(Vec::as_slice).collect();
             ticks.push(Program::compile(&graph, &value, backend));
             let full: Vec<Vec<Id>> =
-                t.update.iter().map(|u| all_slopes(&mut graph, u, u.len(), &free, inputs)).collect();
+                t.update.iter().map(|u| all_slopes(&mut graph, u, u.len(), &free, channels)).collect();
             let full: Vec<&[Id]> = full.iter().map(Vec::as_slice).collect();
             tick_jacobians.push(Program::compile(&graph, &full, backend));
         }
@@ -104,6 +113,9 @@ impl Compiled {
             values,
             free,
             inputs,
+            channels,
+            late,
+            operators,
             backend,
             modes: (0..n).map(|_| OnceLock::new()).collect(),
             jacobians: (0..n).map(|_| OnceLock::new()).collect(),
@@ -179,11 +191,22 @@ impl Compiled {
         Expressions { graph: g, flow, output, dry, guards }
     }
 
+    /// Evaluates at a point. Where only the inputs are given, late ones are taken as they are now.
+    #[inline]
+    fn seen<R>(&self, at: Point<'_>, f: impl FnOnce(Point<'_>) -> R) -> R {
+        if at.u.len() >= self.channels {
+            return f(at);
+        }
+        let mut u = at.u.to_vec();
+        u.extend(self.assembly.delays.iter().flat_map(|d| [at.u[d.input], 0.0]));
+        f(Point { u: &u, ..at })
+    }
+
     fn mode(&self, mode: usize) -> &ModeValues {
         self.modes[mode].get_or_init(|| {
             let mut e = self.expressions(mode);
             let guard: Vec<Id> = e.guards.iter().map(|g| g.2).collect();
-            let rate = along_flow(&mut e.graph, &guard, &e.flow, self.inputs);
+            let rate = along_flow(&mut e.graph, &guard, &e.flow, self.channels);
             let mut programs =
                 Program::compile(&e.graph, &[&e.flow, &e.output, &guard, &rate], self.backend).into_iter();
             let mut next = || programs.next().expect("as many programs as groups");
@@ -229,7 +252,7 @@ impl Compiled {
             let mut e = self.expressions(mode);
             let (mut guard, mut reset) = (Vec::new(), Vec::new());
             for g in &e.guards {
-                let all = |e: &mut Graph, ids: &[Id]| all_slopes(e, ids, self.states(), &self.free, self.inputs);
+                let all = |e: &mut Graph, ids: &[Id]| all_slopes(e, ids, self.states(), &self.free, self.channels);
                 let (of_guard, of_reset) = (all(&mut e.graph, &[g.2]), all(&mut e.graph, &g.4));
                 guard.push(Program::plain(&e.graph, &of_guard));
                 reset.push(Program::plain(&e.graph, &of_reset));
@@ -273,46 +296,6 @@ impl Compiled {
     }
 }
 
-/// Rates of expressions along the flow, the rate of input `j` standing behind the inputs as input `nu + j`.
-fn along_flow(g: &mut Graph, values: &[Id], flow: &[Id], nu: usize) -> Vec<Id> {
-    let mut rates = g.derivative(values, Symbol::Time);
-    let mut add = |g: &mut Graph, by: Symbol, rate: Id| {
-        for (sum, slope) in rates.iter_mut().zip(g.derivative(values, by)) {
-            let term = g.mul(slope, rate);
-            *sum = g.add(*sum, term);
-        }
-    };
-    for (i, &rate) in flow.iter().enumerate() {
-        add(g, Symbol::State(i), rate);
-    }
-    for j in 0..nu {
-        let rate = g.leaf(Symbol::Input(nu + j));
-        add(g, Symbol::Input(j), rate);
-    }
-    rates
-}
-
-/// Values, derivatives by state, derivatives by free parameter.
-fn slopes(g: &mut Graph, values: &[Id], nx: usize, free: &[usize]) -> Vec<Id> {
-    let columns = |g: &mut Graph, leaves: Vec<Symbol>| -> Vec<Id> {
-        let by: Vec<Vec<Id>> = leaves.into_iter().map(|s| g.derivative(values, s)).collect();
-        (0..values.len()).flat_map(|i| by.iter().map(move |c| c[i])).collect()
-    };
-    let mut all = values.to_vec();
-    all.extend(columns(g, (0..nx).map(Symbol::State).collect()));
-    all.extend(columns(g, free.iter().map(|&k| Symbol::Parameter(k)).collect()));
-    all
-}
-
-/// As [`slopes`], and derivatives by time and by input.
-fn all_slopes(g: &mut Graph, values: &[Id], nx: usize, free: &[usize], nu: usize) -> Vec<Id> {
-    let mut all = slopes(g, values, nx, free);
-    all.extend(g.derivative(values, Symbol::Time));
-    let by: Vec<Vec<Id>> = (0..nu).map(|j| g.derivative(values, Symbol::Input(j))).collect();
-    all.extend((0..values.len()).flat_map(|i| by.iter().map(move |c| c[i])));
-    all
-}
-
 impl System for Compiled {
     fn states(&self) -> usize {
         self.assembly.states.len()
@@ -351,21 +334,44 @@ impl System for Compiled {
         }
         name
     }
+    fn delays(&self, p: &[f64]) -> Vec<Delay> {
+        let (n, width) = (self.assembly.delays.len(), 1 + self.free.len());
+        let mut v = vec![0.0; self.late.len()];
+        self.late.eval(Point { t: 0.0, x: &[], u: &[], p }, &mut v);
+        let past = |past, period| match past {
+            PastEquation::Zero => Past::Zero,
+            PastEquation::Hold => Past::Hold,
+            PastEquation::Periodic(_) => Past::Periodic(period),
+        };
+        let delay = |(k, d): (usize, &DelayEquation)| Delay {
+            input: d.input,
+            delay: v[k * width],
+            slope: v[k * width + 1..(k + 1) * width].to_vec(),
+            past: past(d.past, v[n * width + k]),
+        };
+        self.assembly.delays.iter().enumerate().map(delay).collect()
+    }
+    fn operators(&self, p: &[f64]) -> Vec<Operator> {
+        let mut v = vec![0.0; self.operators.len()];
+        self.operators.eval(Point { t: 0.0, x: &[], u: &[], p }, &mut v);
+        let rows = self.assembly.operators.iter().zip(v.chunks(1 + self.free.len()));
+        rows.map(|(o, v)| Operator { output: o.output, kind: o.kind, value: v[0], slope: v[1..].to_vec() }).collect()
+    }
     #[inline]
     fn flow(&self, mode: usize, at: Point<'_>, rates: &mut [f64]) {
-        self.mode(mode).flow.eval(at, rates);
+        self.seen(at, |at| self.mode(mode).flow.eval(at, rates));
     }
     fn flow_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
-        self.jacobian(mode).flow.eval(at, out);
+        self.seen(at, |at| self.jacobian(mode).flow.eval(at, out));
     }
     fn output(&self, mode: usize, at: Point<'_>, y: &mut [f64]) {
-        self.mode(mode).output.eval(at, y);
+        self.seen(at, |at| self.mode(mode).output.eval(at, y));
     }
     fn output_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
-        self.jacobian(mode).output.eval(at, out);
+        self.seen(at, |at| self.jacobian(mode).output.eval(at, out));
     }
     fn input_jacobian(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
-        self.by_inputs(mode).eval(at, out);
+        self.seen(at, |at| self.by_inputs(mode).eval(at, out));
     }
     fn period(&self, p: &[f64]) -> Option<f64> {
         let period = Program::plain(&self.assembly.graph, &[self.assembly.period?]);
@@ -378,21 +384,24 @@ impl System for Compiled {
     }
     #[inline]
     fn guard_values(&self, mode: usize, at: Point<'_>, out: &mut [f64]) {
-        self.mode(mode).guard.eval(at, out);
+        self.seen(at, |at| self.mode(mode).guard.eval(at, out));
     }
     fn guard_rates(&self, mode: usize, at: Point<'_>, u_rate: &[f64], out: &mut [f64]) {
         if u_rate.is_empty() {
             return self.mode(mode).guard_rate.eval(at, out);
         }
-        let u = [at.u, u_rate].concat();
-        self.mode(mode).guard_rate.eval(Point { u: &u, ..at }, out);
+        self.seen(at, |at| {
+            let mut u = [at.u, u_rate].concat();
+            u.resize(2 * self.channels, 0.0);
+            self.mode(mode).guard_rate.eval(Point { u: &u, ..at }, out);
+        });
     }
     fn stepper(&self, mode: usize) -> Option<&Stepper> {
         self.steppers[mode]
             .get_or_init(|| {
                 let mut e = self.expressions(mode);
                 let guards: Vec<Id> = e.guards.iter().map(|g| g.2).collect();
-                Stepper::compile(&mut e.graph, &e.flow, &guards, self.inputs, self.backend)
+                Stepper::compile(&mut e.graph, &e.flow, &guards, self.channels, self.backend)
             })
             .as_ref()
     }
@@ -426,7 +435,7 @@ impl System for Compiled {
             return mode;
         }
         let (base, _) = self.product.split(mode);
-        self.release(base, self.choose(base, at), at)
+        self.seen(at, |at| self.release(base, self.choose(base, at), at))
     }
     fn ticks(&self, p: &[f64]) -> Vec<Schedule> {
         let mut v = vec![0.0; self.schedule.len()];

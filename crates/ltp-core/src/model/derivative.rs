@@ -17,6 +17,10 @@ impl Graph {
             let moved = operands(node).into_iter().flatten().any(|o| of(&o) != zero);
             let dv = match node {
                 Node::Leaf(s) if s == leaf => self.constant(1.0),
+                Node::Leaf(Symbol::Input(channel)) => match self.late_slope(channel, leaf) {
+                    Some(slope) => slope,
+                    None => continue,
+                },
                 _ if !moved => continue,
                 Node::Const(_) | Node::Leaf(_) => continue,
                 Node::One(f, a) => {

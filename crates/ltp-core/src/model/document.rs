@@ -89,6 +89,32 @@ pub struct Input {
     /// Column in recordings, where it differs from the name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
+    /// What it did before the record, where that matters: zero where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub before: Option<Before>,
+}
+
+/// What an input did before the record: `"zero"`, `"hold"` or `{ periodic = "2*pi/omega" }`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "`before` is \"zero\", \"hold\" or { periodic = \"period in s\" }")]
+pub enum Before {
+    /// It rested.
+    Plain(Rest),
+    /// It repeated.
+    Periodic {
+        /// Period, s: an expression of parameters.
+        periodic: String,
+    },
+}
+
+/// How an input rested before the record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Rest {
+    /// At zero.
+    Zero,
+    /// At its first value.
+    Hold,
 }
 
 /// A parameter; without `sd` it is exact.

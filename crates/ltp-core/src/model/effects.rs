@@ -8,7 +8,10 @@
 //! | `port` | `law` | smooth force | `position`, `velocity`; `port_stiffness`; `free_acceleration`, `mobility` |
 //! | `port` | `dry` | magnitude of a set-valued friction force that opposes motion and holds at rest up to that magnitude | `position`, `velocity` |
 //! | `input` | `law` | what the model sees instead of the input or signal | `value`: what stands there |
+//! | `input` | `delay` | time by which it is late, s | (parameters only) |
 //! | `output` | `law` | what is measured | `value`: what would be measured |
+//! | `output` | `delay` | time by which the sensor is late, s | (parameters only) |
+//! | `output` | `play` | gap of a play that the sensor has | (parameters only) |
 //! | `contact` | `law` | force of a ground that yields, on the contact's port | `gap`, `rate` |
 //! | `contact` | `gap` | distance to the ground as it really is | `gap`, `rate` |
 //! | `contact` | `rebound` | rate just after touchdown, from the one before | `gap`, `rate` |
@@ -46,6 +49,12 @@ pub struct Effect {
     /// Rate of a contact's gap after touchdown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rebound: Option<String>,
+    /// Time by which an input or output is late, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delay: Option<String>,
+    /// Gap of a play at an output: what is shown follows only where it would leave half the gap on either side.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub play: Option<String>,
     /// Additional states with their rates.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub states: Named<EffectState>,
@@ -126,8 +135,8 @@ impl EffectParameter {
 /// What an effect does at its place: the key of its document and the expression there.
 const ACTIONS: [(&str, &[&str]); 5] = [
     ("port", &["law", "dry"]),
-    ("input", &["law"]),
-    ("output", &["law"]),
+    ("input", &["law", "delay"]),
+    ("output", &["law", "delay", "play"]),
     ("contact", &["law", "gap", "rebound"]),
     ("parameter", &["law"]),
 ];
@@ -135,7 +144,14 @@ const ACTIONS: [(&str, &[&str]); 5] = [
 impl Effect {
     /// The keys that say what it does, with their expressions.
     fn actions(&self) -> Vec<(&'static str, &str)> {
-        let all = [("law", &self.law), ("dry", &self.dry), ("gap", &self.gap), ("rebound", &self.rebound)];
+        let all = [
+            ("law", &self.law),
+            ("dry", &self.dry),
+            ("gap", &self.gap),
+            ("rebound", &self.rebound),
+            ("delay", &self.delay),
+            ("play", &self.play),
+        ];
         all.into_iter().filter_map(|(key, text)| Some((key, text.as_deref()?))).collect()
     }
 
@@ -204,7 +220,7 @@ macro_rules! shipped {
 }
 
 /// Text of every effect that ships with the crate, by name, in the order of the vocabulary.
-pub const SHIPPED: [(&str, &str); 26] = shipped![
+pub const SHIPPED: [(&str, &str); 29] = shipped![
     "viscous_friction",
     "coulomb_friction",
     "stribeck_friction",
@@ -220,12 +236,15 @@ pub const SHIPPED: [(&str, &str); 26] = shipped![
     "flexible_mode",
     "input_gain",
     "input_bias",
+    "input_delay",
     "input_lag",
     "input_saturation",
     "input_dead_zone",
     "output_gain",
     "output_bias",
+    "output_delay",
     "output_lag",
+    "output_backlash",
     "compliant_ground",
     "restitution",
     "ground_height",

@@ -13,7 +13,7 @@ pub enum Symbol {
     Time,
     /// State number.
     State(usize),
-    /// Input number.
+    /// Input number; behind the inputs those that are seen late, each followed by its rate.
     Input(usize),
     /// Parameter number.
     Parameter(usize),
@@ -154,12 +154,56 @@ fn sign(a: f64) -> f64 {
 pub struct Graph {
     nodes: Vec<Node>,
     index: HashMap<Node, Id>,
+    /// Number of inputs that are seen as they are.
+    inputs: usize,
+    /// Inputs that are seen late, with their delays.
+    late: Vec<(usize, Id)>,
 }
 
 impl Graph {
     /// An empty graph.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// An empty graph over a number of inputs, of which it may be asked for earlier values.
+    pub fn over_inputs(inputs: usize) -> Self {
+        Self { inputs, ..Self::default() }
+    }
+
+    /// Inputs that are seen late, with their delays (`delay`).
+    pub fn late(&self) -> &[(usize, Id)] {
+        &self.late
+    }
+
+    /// An input, or one that is late already, as it was `delay` seconds ago.
+    pub fn late_input(&mut self, channel: usize, delay: Id) -> Id {
+        let (input, delay) = match channel.checked_sub(self.inputs) {
+            None => (channel, delay),
+            Some(k) => {
+                let (input, before) = self.late[k / 2];
+                (input, self.add(before, delay))
+            }
+        };
+        let known = self.late.iter().position(|l| *l == (input, delay));
+        let k = known.unwrap_or_else(|| {
+            self.late.push((input, delay));
+            self.late.len() - 1
+        });
+        self.leaf(Symbol::Input(self.inputs + 2 * k))
+    }
+
+    /// Derivative of a late input by a parameter, `-rate * d(delay)`; zero for everything else.
+    pub(super) fn late_slope(&mut self, channel: usize, by: Symbol) -> Option<Id> {
+        let k = channel.checked_sub(self.inputs).filter(|k| k % 2 == 0 && matches!(by, Symbol::Parameter(_)))?;
+        let delay = self.late.get(k / 2)?.1;
+        let slope = self.derivative(&[delay], by)[0];
+        if self.is_zero(slope) {
+            return None;
+        }
+        let rate = self.leaf(Symbol::Input(channel + 1));
+        let change = self.mul(rate, slope);
+        Some(self.neg(change))
     }
 
     /// The node behind a handle.

@@ -6,6 +6,7 @@ use indexmap::IndexMap;
 
 use super::assemble::{ParameterInfo, acts_in, check_name, place};
 use super::attach::{AttachedEffect, Place};
+use super::delay::late;
 use super::document::Document;
 use super::effects::Library;
 use super::graph::{Graph, Id, Symbol};
@@ -177,8 +178,23 @@ impl<'a> Scope<'a> {
             if let Some(text) = &e.effect.law {
                 value = self.law(g, text, e, &[("value", value)], "law")?;
             }
+            if let (Some(text), false) = (&e.effect.delay, matches!(at, Place::Output(_))) {
+                let delay = self.constant_of(g, text, e, "delay")?;
+                let path = place(self.source, &format!("effects[{}]", e.name));
+                value = late(g, value, delay).map_err(|message| Error::Model { path, message })?;
+            }
         }
         Ok(value)
+    }
+
+    /// An expression of an effect that may depend on parameters only, such as its delay.
+    pub(super) fn constant_of(&mut self, g: &mut Graph, text: &str, e: &AttachedEffect, key: &str) -> Result<Id> {
+        let id = self.law(g, text, e, &[], key)?;
+        if g.leaves(&[id]).iter().all(|s| matches!(s, Symbol::Parameter(_))) {
+            return Ok(id);
+        }
+        let path = format!("effect `{}`, {key}", e.name);
+        Err(Error::Model { path, message: format!("`{text}` may depend on parameters only") })
     }
 
     /// What stands before an effect on an input, signal, parameter or output.

@@ -12,7 +12,10 @@
 //!
 //! `nf` counts the *free* parameters, those that derivatives are taken for; `p` always holds all of them.
 
+use super::delay::OperatorKind;
 use super::stepper::Stepper;
+
+use crate::error::{Error, Result};
 
 pub use super::document::Direction;
 pub use super::tape::Point;
@@ -39,6 +42,43 @@ pub struct Schedule {
     pub offset: f64,
 }
 
+/// What an input did before its first sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Past {
+    /// It was zero.
+    Zero,
+    /// It had its first value.
+    Hold,
+    /// It repeated with this period, s.
+    Periodic(f64),
+}
+
+/// An input that a system sees late as well.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Delay {
+    /// Input.
+    pub input: usize,
+    /// Delay, s.
+    pub delay: f64,
+    /// Its derivatives by the free parameters (nf).
+    pub slope: Vec<f64>,
+    /// What the input did before its first sample.
+    pub past: Past,
+}
+
+/// Something done to an output after it was computed, along the steps of a simulation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Operator {
+    /// Output.
+    pub output: usize,
+    /// What it does.
+    pub kind: OperatorKind,
+    /// Delay, s, or gap in the unit of the output.
+    pub value: f64,
+    /// Its derivatives by the free parameters (nf).
+    pub slope: Vec<f64>,
+}
+
 /// A hybrid dynamical system with exact derivatives.
 pub trait System: Send + Sync {
     /// Number of states.
@@ -47,6 +87,15 @@ pub trait System: Send + Sync {
     fn inputs(&self) -> usize;
     /// Number of outputs.
     fn outputs(&self) -> usize;
+    /// Inputs that the system sees late, under given parameters: each adds two channels behind the inputs, its value and its
+    /// rate, in [`Point::u`] and in derivatives by the inputs of guards, resets and ticks.
+    fn delays(&self, _p: &[f64]) -> Vec<Delay> {
+        Vec::new()
+    }
+    /// What is done to the outputs after they were computed, in this order, under given parameters.
+    fn operators(&self, _p: &[f64]) -> Vec<Operator> {
+        Vec::new()
+    }
     /// Nominal values of all parameters.
     fn parameters(&self) -> &[f64];
     /// Indices of the parameters that derivatives are taken for.
@@ -170,6 +219,25 @@ pub trait System: Send + Sync {
     fn tick_jacobian(&self, mode: usize, tick: usize, at: Point<'_>, out: &mut [f64]) {
         full_difference(at.x.len(), at, self.free(), out, &mut |at, v| self.tick(mode, tick, at, v));
     }
+}
+
+/// Refuses a system that needs its past, for a method that knows only its present.
+///
+/// # Errors
+/// [`Error::Model`] naming what it has and what to do.
+pub fn without_past(system: &dyn System, p: &[f64], method: &str) -> Result<()> {
+    let what = match (system.delays(p).is_empty(), system.operators(p).is_empty()) {
+        (true, true) => return Ok(()),
+        (false, _) => "a delayed input",
+        (true, false) => "a delay or play at an output",
+    };
+    Err(Error::Model {
+        path: method.into(),
+        message: format!(
+            "the model has {what}, so that its state does not determine how it goes on; leave that effect out, or attach a \
+             lag instead, which has a state of its own"
+        ),
+    })
 }
 
 /// Central differences in the layout of [`System::reset_jacobian`]: as [`difference`], then d/dt and d/du.

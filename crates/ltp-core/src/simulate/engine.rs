@@ -10,7 +10,7 @@ use super::locate::{Crossing, Span, Watch};
 use super::saltation::{self, Sizes};
 use super::step::{Context, Work};
 use super::stop::{Event, Stats, Stop};
-use crate::model::{Point, Schedule, Stepper, System};
+use crate::model::{Delay, Point, Schedule, Stepper, System};
 
 /// Events at one instant beyond which the engine calls it chattering.
 const CHATTER: usize = 64;
@@ -64,10 +64,12 @@ pub struct Engine<'a> {
     stats: Stats,
     largest: Vec<f64>,
     error: Vec<f64>,
+    /// Inputs that are seen late, where there are derivatives by their delays.
+    late: Vec<Delay>,
 }
 
 impl<'a> Engine<'a> {
-    /// An engine at the start: the mode settled, guards armed, ticks that are due carried out.
+    /// An engine at the start, with the inputs as the system sees them ([`Inputs::seen_by`]): the mode settled, guards armed, ticks that are due carried out.
     pub fn new(
         system: &'a dyn System,
         p: &'a [f64],
@@ -76,7 +78,7 @@ impl<'a> Engine<'a> {
         mode: usize,
         settings: Settings,
     ) -> Result<Self, Stop> {
-        let sizes = Sizes { nx: system.states(), nf: system.free().len(), nu: system.inputs() };
+        let sizes = Sizes { nx: system.states(), nf: system.free().len(), nu: inputs.channels() };
         let Sizes { nx, nf, nu } = sizes;
         let mut s = vec![0.0; if settings.derivatives { nx * (nx + nf) } else { 0 }];
         for i in 0..nx.min(s.len()) {
@@ -107,8 +109,13 @@ impl<'a> Engine<'a> {
             stats: Stats::default(),
             largest: vec![0.0; nx],
             error: vec![0.0; nx],
+            late: Vec::new(),
         };
+        if settings.derivatives {
+            engine.late = system.delays(p);
+        }
         engine.enter(mode, true);
+        engine.late_jump();
         engine.tick_due()?;
         Ok(engine)
     }
@@ -141,7 +148,7 @@ impl<'a> Engine<'a> {
         Stats { error_estimate, evaluations: self.work.evaluations, ..self.stats }
     }
 
-    /// Input at the present time, as it continues.
+    /// Inputs at the present time, as they continue, and the channels of late ones behind them.
     pub fn input(&mut self) -> &[f64] {
         let interval = self.inputs.interval(self.t + 1e-6 * self.settings.step);
         self.inputs.eval(interval, self.t, &mut self.u);
@@ -185,6 +192,9 @@ impl<'a> Engine<'a> {
                 self.flow_to(end)?;
                 self.grid += 1;
             }
+            if !self.late.is_empty() {
+                self.late_jump();
+            }
             if !self.ticks.is_empty() {
                 self.tick_due()?;
             }
@@ -194,6 +204,32 @@ impl<'a> Engine<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Where a late input jumps, it would jump later if its delay grew: the flow before it lasts longer, that after it begins
+    /// later.
+    fn late_jump(&mut self) {
+        let Sizes { nx, nf, nu } = self.sizes;
+        let (ns, own) = (nx + nf, nu - 2 * self.late.len());
+        let apart = 1e-6 * self.settings.step;
+        let (mut before, mut after) = (vec![0.0; nu], vec![0.0; nu]);
+        let (mut f_before, mut f_after) = (vec![0.0; nx], vec![0.0; nx]);
+        for (k, delay) in self.late.iter().enumerate() {
+            self.inputs.eval(self.inputs.interval(self.t - apart), self.t, &mut before);
+            self.inputs.eval(self.inputs.interval(self.t + apart), self.t, &mut after);
+            let channel = own + 2 * k;
+            if before[channel] == after[channel] {
+                continue;
+            }
+            self.system.flow(self.mode, Point { t: self.t, x: &self.x, u: &after, p: self.p }, &mut f_after);
+            after[channel] = before[channel];
+            self.system.flow(self.mode, Point { t: self.t, x: &self.x, u: &after, p: self.p }, &mut f_before);
+            for i in 0..nx {
+                for (c, slope) in delay.slope.iter().enumerate() {
+                    self.s[i * ns + nx + c] += (f_before[i] - f_after[i]) * slope;
+                }
+            }
+        }
     }
 
     /// Flows to a time through any events before it.

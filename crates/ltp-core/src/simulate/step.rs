@@ -4,7 +4,7 @@
 //! Sensitivities obey the variational equation of the *discrete* map: the derivative of the step itself, so that a fit
 //! sees the exact gradient of what it simulates.
 
-use super::inputs::Inputs;
+use super::inputs::{Inputs, Interval};
 use crate::model::{Point, Stepper, System};
 use crate::numeric::tableau::{A, B, C, D, E, STAGES};
 
@@ -17,7 +17,7 @@ pub(super) struct Context<'a> {
     pub p: &'a [f64],
     pub inputs: &'a Inputs,
     pub mode: usize,
-    pub interval: usize,
+    pub interval: Interval,
 }
 
 /// Working memory of a step.

@@ -2,6 +2,7 @@
 
 use super::engine::{Engine, Settings};
 use super::inputs::Inputs;
+use super::sensor::Sensor;
 use super::stop::{Event, Stats, Stop};
 use crate::error::{Error, Result};
 use crate::model::System;
@@ -147,23 +148,26 @@ pub fn simulate(system: &dyn System, parameters: &[f64], inputs: &Inputs, plan: 
         sensitivities: Vec::new(),
     };
     let mode = plan.initial_mode.unwrap_or_else(|| system.initial_mode());
-    let mut engine = match Engine::new(system, parameters, inputs, &x0, mode, settings) {
-        Ok(engine) => engine,
-        Err(stop) => {
+    let inputs = inputs.seen_by(system, parameters);
+    let started = Engine::new(system, parameters, &inputs, &x0, mode, settings);
+    let plain = Settings { derivatives: false, ..settings };
+    let sensor = Sensor::new(system, parameters, &inputs, &x0, mode, plain);
+    let (mut engine, mut sensor) = match (started, sensor) {
+        (Ok(engine), Ok(sensor)) => (engine, sensor),
+        (Err(stop), _) | (_, Err(stop)) => {
             out.stop = stop;
             return Ok(out);
         }
     };
     let mut y = vec![0.0; system.outputs()];
     for k in 0..plan.samples {
-        if let Err(stop) = engine.advance(k as u64 * plan.substeps) {
+        if let Err(stop) = sensor.advance(&mut engine, k as u64 * plan.substeps, &mut y, &mut []) {
             out.stop = stop;
             break;
         }
         out.t.push(plan.t0 + k as f64 * plan.dt);
         out.states.extend_from_slice(engine.state());
-        out.inputs.extend_from_slice(engine.input());
-        engine.output(&mut y);
+        out.inputs.extend_from_slice(&engine.input()[..system.inputs()]);
         out.outputs.extend_from_slice(&y);
         out.mode.push(engine.mode());
         out.sensitivities.extend_from_slice(engine.sensitivities());

@@ -10,6 +10,7 @@ use super::setups::{Setup, Take};
 use super::trace::{Bench, Meeting};
 use super::{Case, Label, Planted};
 use crate::error::{Error, Result, nearest};
+use crate::model::document::Before;
 use crate::model::{Model, zoo};
 use crate::numeric::rng::SplitMix64;
 use crate::numeric::stats;
@@ -308,6 +309,14 @@ fn attempt(nominal: &Model, what: &Draw, random: &mut SplitMix64) -> Result<(Cas
     let mut stated = off(nominal, random)?;
     if difficulty == Difficulty::Masked {
         stated = bench.masked(&stated)?;
+    }
+    if let Some(period) = setup.repeats {
+        // What an engineer who repeats an input knows and says: it did so before the record too.
+        let mut document = stated.document().clone();
+        for input in document.inputs.values_mut() {
+            input.before = Some(Before::Periodic { periodic: format!("{period}") });
+        }
+        stated = Model::new(document, stated.library().clone(), "")?;
     }
     let coloured = difficulty == Difficulty::Clean && what.seed % 2 == 1;
     let mut records = Vec::new();

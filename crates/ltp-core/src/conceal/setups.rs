@@ -34,6 +34,8 @@ pub struct Setup {
     waves: Vec<Wave>,
     /// Whether the input arises in a loop around the machine.
     pub looped: bool,
+    /// Period of an input that repeats, s.
+    pub repeats: Option<f64>,
     /// Samples of a clock period in which the machine must leave the ground once.
     hop: Option<usize>,
 }
@@ -91,9 +93,10 @@ impl Setup {
                 ),
             })
             .collect();
+        let repeats = (repeated && model != "drive").then_some(period as f64 * dt);
         let x0 = if model == "pendulum" { vec![0.0, 0.0] } else { Vec::new() };
         let hop = (model == "hopper").then_some(if repeated { 66 } else { 132 });
-        Ok(Self { model, dt, samples, lead, x0, waves, looped: model == "drive", hop })
+        Ok(Self { model, dt, samples, lead, x0, waves, looped: model == "drive", repeats, hop })
     }
 
     /// Number of records.

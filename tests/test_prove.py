@@ -110,6 +110,12 @@ class TestMark:
         assert mark(label(delay), lag).accepted == "wrong"
         assert mark(label(delay, difficulty="buried"), lag).accepted == "right"
 
+    def test_an_ambiguous_set_of_one_class_is_one_answer(self) -> None:
+        bias = label(Planted("input_bias", "V", {"bias": 0.3}))
+        inside = said("ambiguous", ("constant_force", "cart"), ambiguous_with=["input_bias@V"])
+        beyond = said("ambiguous", ("constant_force", "cart"), ambiguous_with=["input_bias@V", "output_bias@x"])
+        assert (mark(bias, inside).accepted, mark(bias, beyond).accepted) == ("right", "")
+
     def test_pairs_want_both(self) -> None:
         drag = Planted("quadratic_drag", "pendulum", {"drag": 0.1})
         both = said("effect", ("quadratic_drag", "pendulum"), ("coulomb_friction", "cart"))

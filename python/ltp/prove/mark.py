@@ -94,7 +94,9 @@ def mark(label: Concealed, result: Mapping[str, Any]) -> Mark:
         near = {*first, *ranked[:2], *result.get("ambiguous_with", ())}
         second = bool(same) and any(a in same[0] for a in near)
     accepted = ""
-    if named and verdict == "effect":
+    # A set that holds nothing but one class is one answer.
+    one = not pair and bool(same) and all(a in same[0] for a in [*named, *result.get("ambiguous_with", ())])
+    if named and (verdict == "effect" or (verdict == "ambiguous" and one)):
         if clean or outside:
             accepted = "wrong"
         elif pair:

@@ -72,11 +72,7 @@ def isolability_text(found: Isolability) -> str:
     marks = {"separable": "+", "doubtful": "?", "never": "="}
     seen = [effect.detectable for effect in found.effects]
     grid = [
-        [str(i + 1)]
-        + [
-            "" if i == j else marks[word] if seen[i] and seen[j] else "."
-            for j, word in enumerate(words)
-        ]
+        [str(i + 1)] + ["" if i == j else marks[word] if seen[i] and seen[j] else "." for j, word in enumerate(words)]
         for i, words in enumerate(found.words)
     ]
     parts = [

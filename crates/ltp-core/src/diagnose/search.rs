@@ -173,9 +173,10 @@ fn best(runners: &[Runner], (zero, samples): (f64, f64), near: (f64, f64), few: 
         let (name, at) = runners[i].newest();
         let contained = runners[i].candidate.extends.as_ref();
         let contains = |r: &Runner| r.candidate.extends.as_ref() == Some(&name) && r.newest().1 == at;
-        let family = runners.iter().enumerate().filter(|(_, r)| {
-            contains(r) || contained.is_some_and(|c| r.newest() == (c.clone(), at.clone()))
-        });
+        let family = runners
+            .iter()
+            .enumerate()
+            .filter(|(_, r)| contains(r) || contained.is_some_and(|c| r.newest() == (c.clone(), at.clone())));
         out.extend(family.filter(|(_, r)| r.cost().is_some()).map(|(k, _)| k));
     }
     out.sort_unstable();
@@ -301,13 +302,23 @@ impl Runner {
     fn last(&mut self, bench: &Bench<'_>, base: &Trial, everywhere: bool) -> Result<()> {
         self.more(bench, FINE)?;
         let Some(so_far) = self.fit.clone() else { return Ok(()) };
-        let stated: Vec<f64> = base.made.priors.iter().zip(&base.fit.point.theta).map(|(p, v)| if p.sd.is_finite() { p.mean } else { *v }).collect();
+        let stated: Vec<f64> = base
+            .made
+            .priors
+            .iter()
+            .zip(&base.fit.point.theta)
+            .map(|(p, v)| if p.sd.is_finite() { p.mean } else { *v })
+            .collect();
         let beginning = Point { theta: stated, x0: bench.train_start.to_vec() };
         let start = joined(&self.candidate, &beginning, &self.own_values());
         let subject = self.candidate.made.subject();
         if everywhere {
             let mut starts = vec![start];
-            starts.extend(self.findings.iter().map(|f| joined(&self.candidate, &beginning, &f.start.theta[self.candidate.own[0]..])));
+            starts.extend(
+                self.findings
+                    .iter()
+                    .map(|f| joined(&self.candidate, &beginning, &f.start.theta[self.candidate.own[0]..])),
+            );
             let fit = descend(bench, &subject, &starts, bench.train_ties)?;
             self.keep(fit);
         } else {

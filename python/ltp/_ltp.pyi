@@ -31,6 +31,7 @@ __all__ = [
     "Trajectory",
     "Transverse",
     "add_noise",
+    "case_choices",
     "certify",
     "chirp",
     "close",
@@ -39,6 +40,7 @@ __all__ = [
     "cycle",
     "cycle_average",
     "diagnose",
+    "draw_case",
     "e_rms",
     "effect_names",
     "effect_text",
@@ -676,6 +678,8 @@ def conceal(
     amplitude: float = 4.0,
     seed: int = 0,
 ) -> _Case: ...
+def draw_case(system: str, difficulty: str, seed: int, effect: str | None = None, at: str | None = None) -> _Case: ...
+def case_choices() -> tuple[list[str], list[str]]: ...
 def switch_events(
     recording: Recording, channel: str, level: float | None = None
 ) -> tuple[npt.NDArray[np.float64], list[int]]: ...

@@ -1,4 +1,4 @@
-"""Owns `conceal` and the noun `Case` in Python: recordings with physics that their model lacks, and a sealed label."""
+"""Owns `conceal`, `draw` and the noun `Case` in Python: recordings with physics that their model lacks, and labels."""
 
 from __future__ import annotations
 
@@ -43,6 +43,64 @@ class Case:
     train: list[Recording]
     test: list[Recording]
     label: Label
+
+
+@dataclass(frozen=True)
+class Planted:
+    """One concealed piece of physics: an effect, the place where it acts, its parameters in their own units."""
+
+    name: str
+    at: str
+    parameters: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """What was concealed in a drawn case, and how well.
+
+    effects: none in a clean case, two in a pair. change: rms change of the most moved output over the spread of its
+    motion; decibels: that change over the noise, None in a clean case. visible: energy over noise variance of what the
+    nominal parameters cannot imitate in the train records. noise: "white" or "ar1"; sigma: its rms, by output.
+    `text` is the label as JSON.
+    """
+
+    system: str
+    difficulty: str
+    seed: int
+    effects: list[Planted]
+    change: float
+    decibels: float | None
+    visible: float
+    noise: str
+    sigma: list[float]
+    text: str
+
+    @classmethod
+    def read(cls, text: str) -> Concealed:
+        """The label that a JSON text holds."""
+        tree = json.loads(text)
+        return cls(
+            system=tree["system"],
+            difficulty=tree["difficulty"],
+            seed=tree["seed"],
+            effects=[Planted(e["name"], e["at"], dict(e["parameters"])) for e in tree["effects"]],
+            change=tree["change"],
+            decibels=tree["decibels"],
+            visible=tree["visible"],
+            noise=tree["noise"],
+            sigma=list(tree["sigma"]),
+            text=text,
+        )
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A drawn case: what a diagnosis may see (`model`, `train`, `test`), and what it must not (`label`)."""
+
+    model: Model
+    train: list[Recording]
+    test: list[Recording]
+    label: Concealed
 
 
 @dataclass(frozen=True)
@@ -98,3 +156,35 @@ def conceal(
         test=[Recording.wrap(record) for record in case["test"]],
         label=Label.read(case["label"]),
     )
+
+
+def draw(
+    system: str = "cart_pendulum",
+    difficulty: str = "open",
+    seed: int = 0,
+    *,
+    effect: str | None = None,
+    at: str | None = None,
+) -> Drawn:
+    """Draw a case from system, difficulty and seed, as `ltp prove` does.
+
+    system: "cart_pendulum", "pendulum", "duffing", "two_mass", "drive" or "hopper". difficulty: "open" (the effect
+    changes the output by 40 dB over the noise), "noisy" (20 dB), "masked" (20 dB, stated parameters refitted so that
+    the model looks good), "buried" (0 to 10 dB below the noise), "pair" (two effects), "clean" (none), "outside" (a law
+    that the library does not hold). effect, at: what is concealed, where it is not to be drawn; give both or neither.
+
+    Two train records and one held-out one. Raises `InputError` for a name that does not exist and `ConvergenceError`
+    when the effect leaves no trace in this machine however it is drawn.
+    """
+    case = _ltp.draw_case(system, difficulty, seed, effect, at)
+    return Drawn(
+        model=Model.wrap(case["model"]),
+        train=[Recording.wrap(record) for record in case["train"]],
+        test=[Recording.wrap(record) for record in case["test"]],
+        label=Concealed.read(case["label"]),
+    )
+
+
+def choices() -> tuple[list[str], list[str]]:
+    """Names of the systems and of the difficulties of `draw`."""
+    return _ltp.case_choices()

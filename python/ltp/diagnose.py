@@ -48,6 +48,35 @@ class Location:
     phases: list[Any]
     p_value: float | None
     margin: float | None
+    sentence: str = ""
+
+
+@dataclass(frozen=True)
+class Absorbed:
+    """A nominal parameter that had soaked up missing physics before it was named, by how many standard deviations.
+
+    `forbidden` says why its absorbed value cannot be physics, where it cannot (a damping that turned negative).
+    """
+
+    parameter: str
+    before: float
+    after: float
+    sigmas: float
+    unit: str
+    forbidden: str | None
+
+
+@dataclass(frozen=True)
+class Separating:
+    """A change of the experiment that would tell the rivals `separates` apart, with the deviance `gain` it promises.
+
+    `kind` is "amplitude", "sensor", "slow", "bandwidth" or "longer"; a gain of 10 is decisive.
+    """
+
+    sentence: str
+    kind: str
+    separates: list[str]
+    gain: float
 
 
 @dataclass(frozen=True)
@@ -65,7 +94,8 @@ class Candidate:
     """One explanation that was tried: `score` is 0 for the best, larger is worse, NaN for one out of the race.
 
     `held_out` is its deviance on the held-out records less that of the nominal model, negative when it predicts better.
-    The entry named "nothing" is the nominal model with refitted parameters. `note` says why one is out of the race.
+    The entry named "nothing" is the nominal model with refitted parameters. `note` says why one is out of the race;
+    `beside` names what was accepted before and stands beside it.
     """
 
     name: str
@@ -75,6 +105,7 @@ class Candidate:
     converged: bool
     parameters: dict[str, float]
     note: str | None
+    beside: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -137,7 +168,9 @@ class Diagnosis:
 
     `verdict` is one of "consistent", "parameter", "effect", "ambiguous", "unknown"; `sentence` says it with numbers and
     units. `location` is a list when two effects are named, None when there is nothing to locate. `ambiguous_with` names
-    what the data cannot tell from the winner. `model` is the augmented model, `model_name` the nominal one's name.
+    what the data cannot tell from the winner. `absorbed` lists the
+    nominal parameters that had soaked up what was missing, `separate` the experiments that would tell rivals apart.
+    `model` is the augmented model, `model_name` the nominal one's name.
     """
 
     verdict: str
@@ -147,6 +180,8 @@ class Diagnosis:
     candidates: list[Candidate]
     ambiguous_with: list[str]
     parameters: dict[str, ParameterChange]
+    absorbed: list[Absorbed]
+    separate: list[Separating]
     fit: Fit
     law: Law | None
     warnings: list[str]
@@ -253,11 +288,14 @@ def _parse(core: _ltp.Diagnosis) -> Diagnosis:
                 converged=entry["converged"],
                 parameters=entry["parameters"],
                 note=entry["note"],
+                beside=entry.get("with", []),
             )
             for entry in tree["candidates"]
         ],
         ambiguous_with=tree["ambiguous_with"],
         parameters={name: _change(entry) for name, entry in tree["parameters"].items()},
+        absorbed=[Absorbed(**entry) for entry in tree["absorbed"]],
+        separate=[Separating(**entry) for entry in tree["separate"]],
         fit=Fit([_row(row) for row in tree["fit"]["train"]], [_row(row) for row in tree["fit"]["test"]]),
         law=None
         if law is None
@@ -287,6 +325,7 @@ def _location(tree: Mapping[str, Any]) -> Location:
         phases=tree.get("phases", []),
         p_value=tree.get("p_value"),
         margin=tree.get("margin"),
+        sentence=tree.get("sentence") or "",
     )
 
 

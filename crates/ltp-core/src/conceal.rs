@@ -1,127 +1,52 @@
-//! Recordings of a model with concealed physics, made by an integrator that shares nothing with the one under test.
+//! The noun `Case`: recordings of a model with concealed physics, made by integrators that share nothing with the one
+//! under test. A diagnosis that names the physics cannot owe it to a shared error.
 //!
-//! Strang splitting with tiny steps: half a step of classical Runge-Kutta for the smooth part, a velocity-level impulse
-//! that stops the port or opposes its motion with at most `level * h` (Moreau 1988), half a step again; the plain
-//! evaluator, no event location, no machine code. A diagnosis that names the physics cannot owe it to a shared error.
+//! Read in order: `extrapolation` (one step), `slip` (set-valued friction), `machine` (a model and what is concealed in
+//! it), `sensing` (late sensors and play), [`truth`] (a run with its events), [`mod@strang`] (the slow integrator that the
+//! truth is held against), `setups` (how each machine is excited and recorded), `palette` (which effects are drawn, and how
+//! large), `trace` (what the nominal parameters can imitate), [`mod@draw`] (a case from system, difficulty and seed),
+//! `recipe` (the demonstration).
+
+pub mod draw;
+mod extrapolation;
+mod machine;
+mod palette;
+mod recipe;
+mod sensing;
+mod setups;
+mod slip;
+pub mod strang;
+mod trace;
+pub mod truth;
+#[cfg(test)]
+mod truth_tests;
 
 use serde::Serialize;
 
-use crate::error::{Error, Result};
-use crate::model::friction::Parts;
-use crate::model::{Model, Point, zoo};
-use crate::numeric::rng::SplitMix64;
-use crate::numeric::stats;
+use crate::model::Model;
 use crate::signal::Recording;
-use crate::simulate::{Hold, Inputs};
 
-/// An output beyond this, in its SI unit, is no motion of a machine any more.
-const ESCAPED: f64 = 1e9;
-/// Small steps per sample.
-const FINE: usize = 200;
+pub use draw::{Concealed, Difficulty, Draw, draw};
+pub use machine::{Machine, Wave};
+pub use recipe::{Recipe, conceal};
+pub use setups::{SYSTEMS, Setup, Take};
+pub use strang::motion;
 
-/// A motion of a model: outputs (n, ny), row-major, by the independent integrator.
-///
-/// # Errors
-/// [`Error::Model`] for a hybrid model, [`Error::NoConvergence`] when the motion leaves the finite numbers.
-pub fn motion(model: &Model, inputs: &Inputs, x0: &[f64], samples: usize, dt: f64) -> Result<Vec<f64>> {
-    let parts = model.parts().ok_or_else(|| Error::Model {
-        path: model.name().to_string(),
-        message: "recordings with concealed physics are made of models with one mode and no events".into(),
-    })?;
-    let p: Vec<f64> = model.parameters().iter().map(|p| p.value).collect();
-    let h = dt / FINE as f64;
-    let mut walker = Walker::new(&parts, &p, inputs, x0);
-    let mut out = Vec::with_capacity(samples * parts.output.len());
-    let mut y = vec![0.0; parts.output.len()];
-    for k in 0..samples {
-        let t = k as f64 * dt;
-        inputs.eval(inputs.interval(t + 1e-6 * dt), t, &mut walker.u);
-        parts.output.eval(Point { t, x: &walker.x, u: &walker.u, p: &p }, &mut y);
-        out.extend_from_slice(&y);
-        for i in 0..FINE {
-            walker.step(t + i as f64 * h, h);
-        }
-    }
-    if out.iter().all(|v| v.abs() < ESCAPED) {
-        return Ok(out);
-    }
-    Err(Error::NoConvergence {
-        method: format!("motion of `{}`", model.name()),
-        iterations: samples,
-        residual: f64::INFINITY,
-        advice: "the motion leaves the finite numbers; take other inputs or parameters".into(),
-    })
+/// One concealed piece of physics.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Planted {
+    /// Effect.
+    pub name: String,
+    /// Port, input, output, contact or parameter.
+    pub at: String,
+    /// Parameters in the units of the model.
+    pub parameters: Vec<(String, f64)>,
 }
 
-struct Walker<'a> {
-    parts: &'a Parts,
-    p: &'a [f64],
-    inputs: &'a Inputs,
-    x: Vec<f64>,
-    u: Vec<f64>,
-    k: [Vec<f64>; 4],
-    stage: Vec<f64>,
-    action: Vec<f64>,
-    element: Vec<f64>,
-}
-
-impl<'a> Walker<'a> {
-    fn new(parts: &'a Parts, p: &'a [f64], inputs: &'a Inputs, x0: &[f64]) -> Self {
-        let n = x0.len();
-        Self {
-            parts,
-            p,
-            inputs,
-            x: x0.to_vec(),
-            u: vec![0.0; inputs.count()],
-            k: std::array::from_fn(|_| vec![0.0; n]),
-            stage: vec![0.0; n],
-            action: vec![0.0; n * parts.elements],
-            element: vec![0.0; 3 * parts.elements],
-        }
-    }
-
-    fn step(&mut self, t: f64, h: f64) {
-        self.smooth(t, 0.5 * h);
-        self.impulse(t + 0.5 * h, h);
-        self.smooth(t + 0.5 * h, 0.5 * h);
-    }
-
-    /// Classical Runge-Kutta of order 4 without dry friction.
-    fn smooth(&mut self, t: f64, h: f64) {
-        let interval = self.inputs.interval(t + 0.5 * h);
-        for (i, c) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
-            for n in 0..self.x.len() {
-                self.stage[n] = self.x[n] + if i == 0 { 0.0 } else { c * h * self.k[i - 1][n] };
-            }
-            self.inputs.eval(interval, t + c * h, &mut self.u);
-            let at = Point { t: t + c * h, x: &self.stage, u: &self.u, p: self.p };
-            self.parts.flow.eval(at, &mut self.k[i]);
-        }
-        for n in 0..self.x.len() {
-            self.x[n] += h / 6.0 * (self.k[0][n] + 2.0 * self.k[1][n] + 2.0 * self.k[2][n] + self.k[3][n]);
-        }
-    }
-
-    /// Friction over a step, element by element and twice, so that coupled elements see each other.
-    fn impulse(&mut self, t: f64, h: f64) {
-        let n = self.x.len();
-        let mut spent = vec![0.0; self.parts.elements];
-        for _ in 0..if self.parts.elements > 1 { 4 } else { 1 } {
-            for (i, spent) in spent.iter_mut().enumerate() {
-                let at = Point { t, x: &self.x, u: &self.u, p: self.p };
-                self.parts.element.eval(at, &mut self.element);
-                self.parts.action.eval(at, &mut self.action);
-                let [velocity, level, authority] = [0, 1, 2].map(|j| self.element[3 * i + j]);
-                let wanted = *spent - velocity / authority;
-                let allowed = wanted.clamp(-level * h, level * h);
-                let change = allowed - *spent;
-                *spent = allowed;
-                for k in 0..n {
-                    self.x[k] += self.action[i * n + k] * change;
-                }
-            }
-        }
+impl Planted {
+    /// Value of a parameter; zero where it has none.
+    pub fn value(&self, name: &str) -> f64 {
+        self.parameters.iter().find(|(n, _)| n == name).map_or(0.0, |(_, v)| *v)
     }
 }
 
@@ -149,195 +74,4 @@ pub struct Label {
     pub parameters: Vec<(String, f64)>,
     /// Seed.
     pub seed: u64,
-}
-
-/// What to conceal, and how well.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Recipe {
-    /// Zoo model with inputs.
-    pub model: String,
-    /// Effect and port; drawn from the seed where `None`, nothing where the effect is `nothing`.
-    pub effect: Option<(String, String)>,
-    /// Size of the effect relative to the forces at its port.
-    pub size: f64,
-    /// rms change of the outputs by the effect over rms noise.
-    pub snr: f64,
-    /// Duration of each recording, s, and distance of samples, s.
-    pub duration: (f64, f64),
-    /// Amplitude of the train inputs, in units of the input.
-    pub amplitude: f64,
-    /// Seed.
-    pub seed: u64,
-}
-
-impl Recipe {
-    /// The cart-pendulum of the demo: ten seconds at 100 Hz, noise a hundredth of what the effect changes.
-    pub fn demo(seed: u64) -> Self {
-        Self {
-            model: "cart_pendulum".into(),
-            effect: None,
-            size: 0.15,
-            snr: 100.0,
-            duration: (10.0, 0.01),
-            amplitude: 4.0,
-            seed,
-        }
-    }
-
-    fn check(&self) -> Result<()> {
-        let positive = |what: &str, found: f64, unit: &str| {
-            if found > 0.0 && found < 1e6 {
-                return Ok(());
-            }
-            let expected = format!("a positive number below 1e6{unit}");
-            Err(Error::OutOfRange { what: what.into(), found, expected })
-        };
-        let (duration, dt) = self.duration;
-        positive("size", self.size, "")?;
-        positive("snr", self.snr, "")?;
-        positive("amplitude", self.amplitude, " in the unit of the input")?;
-        positive("duration", duration, " s")?;
-        positive("dt", dt, " s")?;
-        let samples = duration / dt;
-        if !(64.0..=1e6).contains(&samples) {
-            let expected = "between 64 and 1e6 samples; choose duration and dt accordingly".into();
-            return Err(Error::OutOfRange { what: "duration/dt".into(), found: samples, expected });
-        }
-        Ok(())
-    }
-}
-
-/// Draws a case.
-///
-/// # Errors
-/// [`Error::UnknownName`] for a model, effect or port that does not exist.
-pub fn conceal(recipe: &Recipe) -> Result<Case> {
-    recipe.check()?;
-    let nominal = zoo(&recipe.model)?;
-    let mut random = SplitMix64::new(recipe.seed);
-    let (duration, dt) = recipe.duration;
-    let samples = (duration / dt).round() as usize + 1;
-    let names: Vec<String> = nominal.library().names().map(String::from).collect();
-    let ports: Vec<String> = nominal.ports().into_iter().map(String::from).collect();
-    let drawn = (names[random.below(names.len())].clone(), ports[random.below(ports.len())].clone());
-    let (effect, port) = recipe.effect.clone().unwrap_or(drawn);
-    let excitation: Vec<Inputs> = [1.0, 0.4, 0.7]
-        .into_iter()
-        .map(|a| multisine(nominal.inputs().len(), samples, dt, a * recipe.amplitude, &mut random))
-        .collect::<Result<_>>()?;
-    let x0 = vec![0.0; nominal.states().len()];
-    let clean: Vec<Vec<f64>> =
-        excitation.iter().map(|u| motion(&nominal, u, &x0, samples, dt)).collect::<Result<_>>()?;
-
-    let (truth, label) = if effect == "nothing" {
-        (nominal.clone(), Label { effect, at: String::new(), parameters: Vec::new(), seed: recipe.seed })
-    } else {
-        let parameters = sized(&nominal, &effect, &port, recipe, &excitation[0], (samples, dt), &mut random)?;
-        let borrowed: Vec<(&str, f64)> = parameters.iter().map(|(n, v)| (n.as_str(), *v)).collect();
-        (nominal.attach(&effect, &port, &borrowed)?, Label { effect, at: port, parameters, seed: recipe.seed })
-    };
-    let changed: Vec<Vec<f64>> =
-        excitation.iter().map(|u| motion(&truth, u, &x0, samples, dt)).collect::<Result<_>>()?;
-    let ny = nominal.outputs().len();
-    let sigma: Vec<f64> = (0..ny)
-        .map(|j| {
-            let change = stats::rms(changed[0].iter().zip(&clean[0]).skip(j).step_by(ny).map(|(a, b)| a - b));
-            let motion = stats::std(clean[0].iter().skip(j).step_by(ny).copied());
-            if change > 0.0 { change / recipe.snr } else { 1e-2 * motion }
-        })
-        .collect();
-    let record = |k: usize, name: &str, random: &mut SplitMix64| -> Result<Recording> {
-        let t: Vec<f64> = (0..samples).map(|i| i as f64 * dt).collect();
-        let mut u = vec![0.0; nominal.inputs().len()];
-        let mut inputs = vec![Vec::with_capacity(samples); u.len()];
-        for &t in &t {
-            excitation[k].eval(excitation[k].interval(t + 1e-6 * dt), t, &mut u);
-            inputs.iter_mut().zip(&u).for_each(|(column, u)| column.push(*u));
-        }
-        let outputs: Vec<Vec<f64>> = (0..ny)
-            .map(|j| changed[k].iter().skip(j).step_by(ny).map(|y| y + sigma[j] * random.normal()).collect())
-            .collect();
-        let own = |names: Vec<&str>| names.into_iter().map(String::from).collect();
-        Recording::new(name, t, inputs, outputs, own(nominal.inputs()), own(nominal.outputs()))
-    };
-    let train = vec![record(0, "train A", &mut random)?, record(1, "train B", &mut random)?];
-    let test = vec![record(2, "held out", &mut random)?];
-    // As an engineer would state them: off by half a sigma or so.
-    let off: Vec<(String, f64)> = nominal
-        .parameters()
-        .iter()
-        .filter_map(|p| {
-            let v = p.value + 0.5 * p.sd? * random.normal().clamp(-2.0, 2.0);
-            Some((p.name.clone(), v.clamp(p.bounds.0, p.bounds.1)))
-        })
-        .collect();
-    let off: Vec<(&str, f64, Option<f64>)> = off.iter().map(|(n, v)| (n.as_str(), *v, None)).collect();
-    Ok(Case { label, model: nominal.with_parameters(&off)?, train, test })
-}
-
-/// A random-phase multisine on a first-order hold: 12 lines up to 2 Hz, rms amplitude as asked.
-fn multisine(inputs: usize, samples: usize, dt: f64, amplitude: f64, random: &mut SplitMix64) -> Result<Inputs> {
-    let columns: Vec<Vec<f64>> = (0..inputs)
-        .map(|_| {
-            let lines: Vec<(f64, f64)> = (1..=12)
-                .map(|k| {
-                    (2.0 * std::f64::consts::PI * f64::from(k) / 6.0, 2.0 * std::f64::consts::PI * random.uniform())
-                })
-                .collect();
-            let wave = |t: f64| lines.iter().map(|(w, phase)| (w * t + phase).sin()).sum::<f64>();
-            (0..samples).map(|i| amplitude * wave(i as f64 * dt) / 6f64.sqrt()).collect()
-        })
-        .collect();
-    Inputs::samples(0.0, dt, &columns, Hold::FirstOrder)
-}
-
-/// Parameters of an effect so that its force is about `size` of the forces at its port.
-fn sized(
-    nominal: &Model,
-    effect: &str,
-    port: &str,
-    recipe: &Recipe,
-    inputs: &Inputs,
-    (samples, dt): (usize, f64),
-    random: &mut SplitMix64,
-) -> Result<Vec<(String, f64)>> {
-    // The force that a port would need to hold still is a fair measure of the forces that act there.
-    let probe = nominal.attach("coulomb_friction", port, &[])?;
-    let parts = probe.parts().ok_or_else(|| Error::Model { path: port.into(), message: "no smooth part".into() })?;
-    let p: Vec<f64> = probe.parameters().iter().map(|p| p.value).collect();
-    let motion_of = nominal.port_motion(port)?;
-    let x0 = vec![0.0; nominal.states().len()];
-    let mut walker = Walker::new(&parts, &p, inputs, &x0);
-    let (mut force, mut position, mut velocity) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut before, mut element, mut pv) = (0.0, vec![0.0; 3], [0.0; 2]);
-    for k in 0..samples {
-        let at = Point { t: k as f64 * dt, x: &walker.x, u: &walker.u, p: &p };
-        parts.element.eval(at, &mut element);
-        motion_of.eval(at, &mut pv);
-        force.push((element[0] - before) / dt / element[2]);
-        before = element[0];
-        position.push(pv[0]);
-        velocity.push(pv[1]);
-        for i in 0..10 {
-            walker.smooth((k as f64 + 0.1 * f64::from(i)) * dt, 0.1 * dt);
-        }
-    }
-    let (f, q, v) = (stats::rms(force[1..].iter().copied()), stats::rms(position), stats::rms(velocity));
-    let spread = 0.7 + 0.6 * random.uniform();
-    let document = nominal.library().get(effect)?;
-    let mut out: Vec<(String, f64)> = Vec::new();
-    for (name, parameter) in &document.parameters {
-        let value = match parameter.scale.as_str() {
-            "force" if name == "static_force" => 1.8 * out.first().map_or(0.0, |o| o.1),
-            "force" => recipe.size * spread * f,
-            "velocity" => 0.1 * v,
-            "force/velocity" => recipe.size * spread * f / v,
-            "force/velocity^2" => recipe.size * spread * f / (v * v),
-            "force/position" => recipe.size * spread * f / q,
-            "force/position^3" => recipe.size * spread * f / (q * q * q),
-            _ => recipe.size * spread,
-        };
-        out.push((name.clone(), value));
-    }
-    Ok(out)
 }

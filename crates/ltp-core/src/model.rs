@@ -1,13 +1,15 @@
 //! The noun `Model`: equations as data, differentiated exactly and compiled to native code.
 //!
 //! Read in order: [`document`] (the tree a file holds), [`parse`] (expressions), [`units`], [`effects`] (the library of
-//! candidate physics), [`graph`] (shared expressions), `derivative`, [`mod@assemble`] (names and equations), [`friction`]
-//! (slip and stick), [`tape`] and [`native`] (evaluation), [`stepper`] (a whole step as one program), [`system`] (the
+//! candidate physics), [`attach`] (where they act), [`graph`] (shared expressions), `derivative`, [`mod@assemble`] (names and
+//! equations), `port_laws` and [`contact`] (what effects do), [`friction`] (slip and stick), [`tape`] and [`native`] (evaluation), [`stepper`] (a whole step as one program), [`system`] (the
 //! trait simulation works on).
 
 pub mod assemble;
+pub mod attach;
 pub mod check_units;
 pub mod compiled;
+pub mod contact;
 mod derivative;
 pub mod document;
 pub mod effects;
@@ -16,6 +18,7 @@ pub mod graph;
 pub mod mass_matrix;
 pub mod native;
 pub mod parse;
+mod port_laws;
 pub mod program;
 pub mod scope;
 pub mod stepper;
@@ -157,16 +160,45 @@ impl Model {
         Compiled::new(self.assembly.clone(), self.product.clone(), self.document.inputs.len(), free, backend)
     }
 
-    /// The model with an effect attached at a port; parameters that are not given are zero.
+    /// The model with an effect attached at a port, an input (or a signal that inputs enter), an output, a contact or a
+    /// parameter, whichever the effect acts on. Parameters that are not given take the default of the effect's document.
     ///
     /// # Errors
-    /// [`Error::UnknownName`] for the effect, the port or a parameter.
+    /// [`Error::UnknownName`] for the effect, the place or a parameter; [`Error::Model`] where the effect has nothing to act
+    /// on there.
     pub fn attach(&self, effect: &str, at: &str, parameters: &[(&str, f64)]) -> Result<Model> {
         let mut document = self.document.clone();
         let value = |(n, v): &(&str, f64)| ((*n).to_string(), document::Parameter { value: *v, ..Default::default() });
         let parameters = parameters.iter().map(value).collect();
+        let on = &self.library.get(effect)?.on;
+        if on == "input"
+            && self.document.signals.contains_key(at)
+            && !attach::candidates(&self.document, on).contains(&at)
+        {
+            let path = place(&self.source, &format!("effects[{effect}@{at}]"));
+            let message = format!("no input enters the signal `{at}`: attach this where one does, or at an input");
+            return Err(Error::Model { path, message });
+        }
         document.effects.push(Attached { name: effect.into(), at: at.into(), parameters });
         Model::new(document, self.library.clone(), &self.source)
+    }
+
+    /// Where an effect may act in this model, in document order: all its ports, inputs and then signals that inputs enter,
+    /// outputs, contacts or parameters at which [`Model::attach`] succeeds.
+    ///
+    /// Of the parameters, `parameter_error` is offered the exact ones (a fit moves the others by itself), any other effect
+    /// those with an uncertainty; both may be attached to all.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] for an effect that does not exist.
+    pub fn places(&self, effect: &str) -> Result<Vec<String>> {
+        let on = self.library.get(effect)?.on.as_str();
+        let wanted = |at: &str| {
+            let exact = self.document.parameters.get(at).is_none_or(|p| p.sd.is_none_or(|sd| sd == 0.0));
+            on != "parameter" || exact == (effect == "parameter_error")
+        };
+        let names = attach::candidates(&self.document, on).into_iter().filter(|at| wanted(at));
+        Ok(names.filter(|at| self.attach(effect, at, &[]).is_ok()).map(String::from).collect())
     }
 
     /// The model with other values, and uncertainties where given, of some parameters (also of effects).
@@ -217,7 +249,7 @@ impl Model {
             while document.outputs.contains_key(&shown) {
                 shown.push('\'');
             }
-            document.outputs.insert(shown, full(name));
+            document.outputs.insert(shown, full(expression)); // as given, whatever an effect makes of it
         }
         let assembly = assemble(&document, &self.library, &self.source)?;
         let product = Product::new(&assembly, &self.source)?;
@@ -283,6 +315,14 @@ impl Model {
         smooth.then(|| friction::parts(&self.assembly, self.assembly.initial_mode))
     }
 
+    /// Every mode and event with dry friction set apart, for the plain evaluator, and the starting mode; `None` for a model
+    /// with sampled updates.
+    pub fn all_parts(&self) -> Option<(Vec<friction::Parts>, Vec<friction::EventParts>, usize)> {
+        let a = &self.assembly;
+        let modes = || (0..a.modes.len()).map(|m| friction::parts(a, m)).collect();
+        a.ticks.is_empty().then(|| (modes(), friction::event_parts(a), a.initial_mode))
+    }
+
     /// Position and velocity of a port in the starting mode, ready to be evaluated.
     ///
     /// # Errors
@@ -298,7 +338,8 @@ impl Model {
     /// [`Error::UnknownName`], [`Error::Unit`].
     pub fn port_units(&self, port: &str) -> Result<[String; 3]> {
         let j = self.port(port)?;
-        let unit = |word: &str| scope::port_unit(word, &self.document, j, port).map(|u| u.to_string());
+        let unit =
+            |word: &str| attach::place_unit(word, &self.document, attach::Place::Port(j), port).map(|u| u.to_string());
         Ok([unit("force")?, unit("position")?, unit("velocity")?])
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ltp_core::conceal::{self as core, Label, Recipe};
+use ltp_core::conceal::{self as core, Difficulty, Draw, Label, Recipe};
 use ltp_core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -44,6 +44,37 @@ pub fn conceal<'py>(
     dict.set_item("test", records(case.test)?)?;
     dict.set_item("label", text(&case.label)?)?;
     Ok(dict)
+}
+
+/// A case drawn from system, difficulty and seed: the model as an engineer would state it, recordings, and the label.
+///
+/// `effect` and `at` belong together; without them the seed draws what is concealed.
+#[pyfunction]
+#[pyo3(signature = (system, difficulty, seed, effect=None, at=None))]
+pub fn draw_case<'py>(
+    py: Python<'py>,
+    system: &str,
+    difficulty: &str,
+    seed: u64,
+    effect: Option<String>,
+    at: Option<String>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (effect, difficulty) = door::short(py, || Ok((together(effect, at)?, Difficulty::named(difficulty)?)))?;
+    let what = Draw { system: system.to_owned(), difficulty, effect, seed };
+    let (case, concealed) = door::long(py, None, move |_| core::draw(&what))?;
+    let records = |of: Vec<_>| PyList::new(py, of.into_iter().map(Recording::from));
+    let dict = PyDict::new(py);
+    dict.set_item("model", Model::from(case.model))?;
+    dict.set_item("train", records(case.train)?)?;
+    dict.set_item("test", records(case.test)?)?;
+    dict.set_item("label", serde_json::to_string(&concealed).map_err(|e| from_panic(&e.to_string()))?)?;
+    Ok(dict)
+}
+
+/// Names of the systems and of the difficulties that cases are drawn from.
+#[pyfunction]
+pub fn case_choices() -> (Vec<&'static str>, Vec<&'static str>) {
+    (core::SYSTEMS.to_vec(), Difficulty::ALL.iter().map(|(name, _)| *name).collect())
 }
 
 /// Effect and port, or neither.

@@ -39,7 +39,7 @@ mod _ltp {
     #[pymodule_export]
     use crate::closed_loop::{SimulationCost, certify, close, track};
     #[pymodule_export]
-    use crate::conceal::conceal;
+    use crate::conceal::{case_choices, conceal, draw_case};
     #[pymodule_export]
     use crate::control::{Feedback, Objective, closed_loop_eigenvalues, harmonic_balance, periodic_lqr};
     #[pymodule_export]

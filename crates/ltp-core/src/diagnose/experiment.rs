@@ -114,7 +114,7 @@ impl Experiment {
     }
 }
 
-/// Corrections that tie a run to its recording: after each sample `x += scale * K e` with `K` (n, nx, ny).
+/// Corrections that tie a run to its recording: after each sample `x += scale * K e` with `K` (n, states of the nominal model, ny).
 #[derive(Clone, Copy)]
 pub struct Observer<'a> {
     /// Gains of every sample, row-major.
@@ -174,7 +174,9 @@ impl Run<'_> {
             }
             each(k, &y, &dy);
             let Some(o) = observer else { continue };
-            let gain = &o.gains[k * nx * ny..(k + 1) * nx * ny];
+            // States that effects brought along are not corrected: the observer was made without them.
+            let known = o.gains.len() / (e.len() * ny);
+            let gain = &o.gains[k * known * ny..(k + 1) * known * ny];
             x.copy_from_slice(engine.state());
             s.copy_from_slice(engine.sensitivities());
             for j in 0..ny {
@@ -182,7 +184,7 @@ impl Run<'_> {
                 if !error.is_finite() {
                     continue;
                 }
-                for i in 0..nx {
+                for i in 0..known {
                     let g = gain[i * ny + j];
                     x[i] += g * error;
                     if derivatives {

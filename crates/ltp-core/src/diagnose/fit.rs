@@ -20,28 +20,34 @@ pub struct Prior {
     pub bounds: (f64, f64),
     /// Natural size.
     pub scale: f64,
+    /// Whether the number is fitted by its logarithm: it is positive beyond doubt. The scale that masses, dampings and gains
+    /// share, which no free motion can reveal, is then a straight valley along which the priors decide; and a stiffness or a
+    /// wavelength may be off by a factor of ten.
+    pub log: bool,
 }
 
 impl Prior {
-    /// Whether the number is fitted by its logarithm: positive beyond doubt. The scale that masses, dampings and gains
-    /// share, which no free motion can reveal, is then a straight valley along which the priors decide.
-    fn by_logarithm(&self) -> bool {
-        self.bounds.0 >= 0.0 && self.sd.is_finite() && self.mean > 3.0 * self.sd
+    /// Knowledge of a nominal parameter as stated.
+    pub fn stated(mean: f64, sd: Option<f64>, bounds: (f64, f64)) -> Self {
+        let sd = sd.unwrap_or(f64::INFINITY);
+        let log = bounds.0 >= 0.0 && sd.is_finite() && mean > 3.0 * sd;
+        let scale = if sd.is_finite() { sd } else { mean.abs() }.max(1e-300);
+        Self { mean, sd, bounds, scale, log }
     }
 
     /// From the number to what is fitted.
     fn inward(&self, v: f64) -> f64 {
-        if self.by_logarithm() { v.max(1e-9 * self.mean).ln() } else { v }
+        if self.log { v.max(1e-9 * self.mean).ln() } else { v }
     }
 
     /// From what is fitted to the number.
     fn outward(&self, z: f64) -> f64 {
-        if self.by_logarithm() { z.exp() } else { z }
+        if self.log { z.exp() } else { z }
     }
 
     /// Derivative of the number by what is fitted, at a value of the number.
     fn slope(&self, v: f64) -> f64 {
-        if self.by_logarithm() { v } else { 1.0 }
+        if self.log { v } else { 1.0 }
     }
 }
 
@@ -69,6 +75,15 @@ pub struct Point {
     pub x0: Vec<Vec<f64>>,
 }
 
+/// All parameters of a system with the free ones set.
+pub fn full(system: &Compiled, theta: &[f64]) -> Vec<f64> {
+    let mut p = system.parameters().to_vec();
+    for (&i, v) in system.free().iter().zip(theta) {
+        p[i] = *v;
+    }
+    p
+}
+
 /// A finished fit.
 #[derive(Clone, Debug)]
 pub struct Fitted {
@@ -83,26 +98,37 @@ pub struct Fitted {
 }
 
 /// A model with the priors of its free parameters.
+#[derive(Clone, Copy)]
 pub struct Subject<'a> {
     /// Compiled model.
     pub system: &'a Compiled,
     /// Priors of the free parameters.
     pub priors: &'a [Prior],
-    /// Whether parameters move, or only initial states.
-    pub moves: bool,
+    /// All parameters where only initial states move; `None` where the free ones move too.
+    pub still: Option<&'a [f64]>,
+    /// Sizes of the states that effects brought along, after the model's own.
+    pub extra: &'a [f64],
 }
+
+impl Subject<'_> {
+    fn moves(&self) -> bool {
+        self.still.is_none()
+    }
+}
+
+/// Where linearised residuals go: the row of derivatives, and the residual.
+pub type Sink<'a> = dyn FnMut(&[f64], f64) + 'a;
 
 struct Problem<'a> {
     subject: &'a Subject<'a>,
     ground: Ground<'a>,
     prior_x0: &'a [Vec<f64>],
-    fixed: &'a [f64],
     observers: Option<&'a [Vec<f64>]>,
 }
 
 impl Problem<'_> {
     fn parameters(&self) -> usize {
-        if self.subject.moves { self.subject.priors.len() } else { 0 }
+        if self.subject.moves() { self.subject.priors.len() } else { 0 }
     }
 
     /// The free parameters behind the fitted numbers.
@@ -110,13 +136,15 @@ impl Problem<'_> {
         self.subject.priors.iter().zip(&z[..self.parameters()]).map(|(p, z)| p.outward(*z)).collect()
     }
 
+    /// The fitted numbers of a point.
+    fn inward(&self, at: &Point) -> Vec<f64> {
+        let priors = self.subject.priors.iter().zip(&at.theta).take(self.parameters());
+        priors.map(|(p, v)| p.inward(*v)).chain(at.x0.iter().flatten().copied()).collect()
+    }
+
     fn unpack(&self, z: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let system = self.subject.system;
-        let mut p = system.parameters().to_vec();
-        let moved = if self.subject.moves { self.numbers(z) } else { self.fixed.to_vec() };
-        for (&i, v) in system.free().iter().zip(moved) {
-            p[i] = v;
-        }
+        let p = self.subject.still.map_or_else(|| full(system, &self.numbers(z)), <[f64]>::to_vec);
         let nx = system.states();
         (p, z[self.parameters()..].chunks(nx).map(<[f64]>::to_vec).collect())
     }
@@ -127,7 +155,20 @@ impl LeastSquares for Problem<'_> {
         self.parameters() + self.ground.experiments.len() * self.subject.system.states()
     }
 
-    fn evaluate(&mut self, z: &[f64], mut rows: Option<&mut RowQr>) -> Option<f64> {
+    fn evaluate(&mut self, z: &[f64], rows: Option<&mut RowQr>) -> Option<f64> {
+        match rows {
+            Some(rows) => self
+                .data(z, Some(&mut |row, r| rows.push(row, r)))
+                .map(|c| c + self.beliefs(z, Some(&mut |row, r| rows.push(row, r)))),
+            None => self.data(z, None).map(|c| c + self.beliefs(z, None)),
+        }
+        .filter(|c| c.is_finite())
+    }
+}
+
+impl Problem<'_> {
+    /// Sum of squares of the residuals of all samples.
+    fn data(&self, z: &[f64], mut rows: Option<&mut Sink<'_>>) -> Option<f64> {
         let (p, x0) = self.unpack(z);
         let system = self.subject.system;
         let (np, nx, nf) = (self.parameters(), system.states(), system.free().len());
@@ -165,32 +206,47 @@ impl LeastSquares for Problem<'_> {
                         cost = f64::NAN;
                         row.fill(0.0);
                     }
-                    rows.push(&row, residual);
+                    rows(&row, residual);
                 }
             })
             .ok()?;
         }
-        row.fill(0.0);
+        Some(cost)
+    }
+
+    /// Sum of squares of the deviations from what was known before.
+    fn beliefs(&self, z: &[f64], mut rows: Option<&mut Sink<'_>>) -> f64 {
+        let (np, nx) = (self.parameters(), self.subject.system.states());
+        let theta = self.numbers(z);
+        let mut row = vec![0.0; z.len()];
+        let mut cost = 0.0;
         let mut prior = |i: usize, value: f64, slope: f64, mean: f64, sd: f64| {
             if sd.is_finite() {
                 row[i] = slope / sd;
                 cost += ((value - mean) / sd).powi(2);
                 if let Some(rows) = rows.as_deref_mut() {
-                    rows.push(&row, (value - mean) / sd);
+                    rows(&row, (value - mean) / sd);
                 }
                 row[i] = 0.0;
             }
         };
         for (i, p) in self.subject.priors.iter().enumerate().take(np) {
-            prior(i, theta[i], slope[i], p.mean, p.sd);
+            prior(i, theta[i], p.slope(theta[i]), p.mean, p.sd);
         }
+        let initial = self.subject.system.initial_state();
         for (r, mean) in self.prior_x0.iter().enumerate() {
             for i in 0..nx {
                 let at = np + r * nx + i;
-                prior(at, z[at], 1.0, mean[i], self.ground.state_scale[i]);
+                prior(at, z[at], 1.0, mean.get(i).copied().unwrap_or(initial[i]), self.state_size(i));
             }
         }
-        cost.is_finite().then_some(cost)
+        cost
+    }
+
+    /// Natural size of a state, those of effects after the model's own.
+    fn state_size(&self, i: usize) -> f64 {
+        let own = self.ground.state_scale;
+        own.get(i).or_else(|| self.subject.extra.get(i - own.len())).copied().unwrap_or(1.0)
     }
 }
 
@@ -206,7 +262,7 @@ pub struct Effort {
 /// Rough: enough to follow the recording from a poor start.
 pub const ROUGH: Effort = Effort { iterations: 8, ftol: 1e-3 };
 /// Fine: as far as the data go.
-pub const FINE: Effort = Effort { iterations: 60, ftol: 1e-8 };
+pub const FINE: Effort = Effort { iterations: 60, ftol: 1e-6 };
 
 /// One stage of a fit from a point; with `observers`, runs are tied to the recordings.
 pub fn stage(
@@ -218,27 +274,26 @@ pub fn stage(
     effort: Effort,
 ) -> Option<Fitted> {
     let nx = subject.system.states();
-    let mut problem = Problem { subject, ground, prior_x0, fixed: &from.theta, observers };
+    let mut problem = Problem { subject, ground, prior_x0, observers };
     let np = problem.parameters();
-    let mut z: Vec<f64> = subject.priors.iter().zip(&from.theta).take(np).map(|(p, v)| p.inward(*v)).collect();
-    z.extend(from.x0.iter().flatten());
+    let z = problem.inward(from);
     let mut settings = lsq::Settings::new(z.len());
     settings.max_iterations = effort.iterations;
     settings.ftol = effort.ftol;
     for (i, p) in subject.priors.iter().enumerate().take(np) {
-        settings.lower[i] = if p.by_logarithm() { p.inward(p.bounds.0) } else { p.bounds.0 };
+        settings.lower[i] = if p.log { p.inward(p.bounds.0) } else { p.bounds.0 };
         settings.upper[i] = p.inward(p.bounds.1);
         settings.scale[i] = p.scale / p.slope(p.mean).abs();
     }
     for i in np..z.len() {
-        settings.scale[i] = ground.state_scale[(i - np) % nx];
+        settings.scale[i] = problem.state_size((i - np) % nx);
     }
     let fit = lsq::minimise(&mut problem, &z, &settings);
     if !fit.cost.is_finite() {
         return None;
     }
     let x0 = fit.x[np..].chunks(nx).map(<[f64]>::to_vec).collect();
-    let theta = if subject.moves { problem.numbers(&fit.x) } else { from.theta.clone() };
+    let theta = if subject.moves() { problem.numbers(&fit.x) } else { from.theta.clone() };
     let sd = (0..np).map(|i| fit.sd(i) * subject.priors[i].slope(theta[i])).collect();
     Some(Fitted { point: Point { theta, x0 }, cost: fit.cost, sd, converged: fit.converged })
 }
@@ -261,39 +316,36 @@ pub fn homotopy(
     stage(subject, ground, &at, prior_x0, None, FINE)
 }
 
-/// How much of each parameter's effect on the outputs the other unknowns cannot imitate, by data alone: one is all of it.
-pub fn distinct(subject: &Subject<'_>, ground: Ground<'_>, at: &Point) -> Option<Vec<f64>> {
-    let np = subject.priors.len();
-    let free: Vec<Prior> = subject.priors.iter().map(|p| Prior { sd: f64::INFINITY, ..*p }).collect();
-    let free = Subject { priors: &free, ..*subject };
-    let mut problem = Problem { subject: &free, ground, prior_x0: &[], fixed: &at.theta, observers: None };
-    let mut z = at.theta.clone();
-    z.extend(at.x0.iter().flatten());
-    let mut rows = RowQr::new(z.len());
-    problem.evaluate(&z, Some(&mut rows))?;
-    let r = rows.r();
-    let norms: Vec<f64> = (0..z.len()).map(|j| r.column(j).norm()).collect();
-    let share = |j: usize| {
-        if norms[j] == 0.0 {
-            return 0.0;
-        }
-        // The column against all others, by the triangle with this column last.
-        let others: Vec<usize> = (0..z.len()).filter(|&i| i != j && norms[i] > 0.0).collect();
-        let mut last = RowQr::new(others.len());
-        let mut row = vec![0.0; others.len()];
-        for i in 0..r.nrows() {
-            for (to, &c) in row.iter_mut().zip(&others) {
-                *to = r[(i, c)] / norms[c];
-            }
-            last.push(&row, r[(i, j)] / norms[j]);
-        }
-        // A touch of ridge: others that are collinear among themselves must not count as one dimension more.
-        for c in 0..others.len() {
-            row.fill(0.0);
-            row[c] = 1e-7;
-            last.push(&row, 0.0);
-        }
-        last.residual_sum_squares().max(0.0).sqrt()
-    };
-    Some((0..np).map(share).collect())
+/// The residuals of a fit and their derivatives by what was fitted, row by row: of the data into `data`, of what was known
+/// before into `beliefs`. `None` where the run fails.
+pub fn linearised(
+    subject: &Subject<'_>,
+    ground: Ground<'_>,
+    at: &Point,
+    prior_x0: &[Vec<f64>],
+    data: &mut Sink<'_>,
+    beliefs: &mut Sink<'_>,
+) -> Option<()> {
+    let problem = Problem { subject, ground, prior_x0, observers: None };
+    let z = problem.inward(at);
+    problem.data(&z, Some(data)).filter(|c| c.is_finite())?;
+    problem.beliefs(&z, Some(beliefs));
+    Some(())
+}
+
+/// A point moved by a step of the fitted numbers, inside the bounds.
+pub fn moved(subject: &Subject<'_>, ground: Ground<'_>, at: &Point, step: &[f64]) -> Point {
+    let problem = Problem { subject, ground, prior_x0: &[], observers: None };
+    let z: Vec<f64> = problem.inward(at).iter().zip(step).map(|(z, d)| z + d).collect();
+    let np = problem.parameters();
+    let inside = |(v, p): (f64, &Prior)| v.clamp(p.bounds.0, p.bounds.1);
+    let theta = problem.numbers(&z).into_iter().zip(subject.priors).map(inside).collect();
+    Point { theta, x0: z[np..].chunks(subject.system.states()).map(<[f64]>::to_vec).collect() }
+}
+
+/// Cost of a point, priors included; `None` where the run fails.
+pub fn cost(subject: &Subject<'_>, ground: Ground<'_>, at: &Point, prior_x0: &[Vec<f64>]) -> Option<f64> {
+    let mut problem = Problem { subject, ground, prior_x0, observers: None };
+    let z = problem.inward(at);
+    problem.evaluate(&z, None)
 }

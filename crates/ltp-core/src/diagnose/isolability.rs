@@ -19,6 +19,7 @@ mod setup;
 mod sizes;
 mod variation;
 
+pub(super) use geometry::{basis as span, remove as project};
 pub use plan::{Plan, Planned, Signal};
 pub use rivals::{Rival, Suggestion, separating};
 
@@ -29,11 +30,10 @@ use serde::Serialize;
 use super::experiment::Control;
 use super::words::number;
 use crate::error::{Error, Result};
-use crate::model::{Effect, Model, System};
+use crate::model::{Model, System};
 use crate::numeric::stats;
 use crate::simulate::{self, Trajectory};
 use setup::{Candidate, Records};
-use sizes::Sizes;
 use variation::{Start, Variation, variations, widened, with_states_measured};
 
 /// Deviance at which two explanations are told apart, as in the verdict of a diagnosis.
@@ -184,7 +184,14 @@ fn work(model: &Model, plan: &Plan, control: &Control<'_>) -> Result<Isolability
             (control.progress)(&format!("{name}@{place}"), 0.1 + 0.7 * n as f64 / jobs.len().max(1) as f64);
             let effect = model.library().get(name)?;
             let sizes = sizes::at(&wide, effect, place, &runs)?;
-            setup::candidate(&wide, name, place, &reference_of(effect, &sizes, plan.size), &records_of, control)
+            setup::candidate(
+                &wide,
+                name,
+                place,
+                &sizes::reference(&wide, effect, &sizes, plan.size)?,
+                &records_of,
+                control,
+            )
         })
         .collect::<Result<_>>()?;
     for ((name, place), c) in jobs.iter().zip(&tried) {
@@ -244,10 +251,6 @@ fn work(model: &Model, plan: &Plan, control: &Control<'_>) -> Result<Isolability
     out.sentence = sentence(&out);
     (control.progress)("done", 1.0);
     Ok(out)
-}
-
-fn reference_of(effect: &Effect, sizes: &Sizes, share: f64) -> Vec<(String, f64)> {
-    sizes::reference(effect, sizes, share)
 }
 
 fn run(system: &dyn System, start: &Start) -> Result<Trajectory> {

@@ -1,9 +1,9 @@
 //! From fitted candidates to a verdict: ranking, nested families, acceptance, and what cannot be told apart.
 
-use super::candidates::{Bench, Trial, full, starts};
-use super::fit::{FINE, Ground, Point, Subject, stage};
+use super::fit::{FINE, Ground, Point, full, stage};
 use super::prepare::Ties;
 use super::score::Residuals;
+use super::trial::{Attachment, Bench, Trial, starts, widened};
 use crate::error::Result;
 use crate::model::System;
 
@@ -22,23 +22,24 @@ pub struct Ranking {
     pub order: Vec<(Option<usize>, f64)>,
 }
 
+/// The hypothesis so far stands among those that add an effect to it.
+///
 /// BIC on the train records plus deviance on the held-out ones, of residuals whitened by one common filter.
-pub fn rank(nominal: &Trial, trials: &[Trial]) -> Ranking {
+pub fn rank(base: &Trial, trials: &[Trial]) -> Ranking {
     let white = |t: &Trial| t.residuals.deviance(&t.residuals.train) + t.residuals.deviance(&t.residuals.test);
-    let runs: Vec<(Option<usize>, &Trial)> = std::iter::once((None, nominal))
+    let runs: Vec<(Option<usize>, &Trial)> = std::iter::once((None, base))
         .chain(trials.iter().enumerate().map(|(i, t)| (Some(i), t)))
-        .filter(|(_, t)| t.residuals.complete() && !t.imitated)
+        .filter(|(_, t)| t.residuals.complete())
         .collect();
-    let reference = runs.iter().min_by(|a, b| white(a.1).total_cmp(&white(b.1))).map_or(nominal, |r| r.1);
+    let reference = runs.iter().min_by(|a, b| white(a.1).total_cmp(&white(b.1))).map_or(base, |r| r.1);
     let filters = reference.residuals.filters();
     let mut order: Vec<(Option<usize>, f64)> = runs
         .iter()
         .map(|(i, t)| {
             let r = &t.residuals;
-            let unknowns = t.fit.point.theta.len() + t.fit.point.x0.iter().map(Vec::len).sum::<usize>();
             let samples: f64 = (0..filters.len()).map(|j| r.energy(&r.train, j).1).sum();
             let deviance = r.whitened_deviance(&r.train, &filters) + r.whitened_deviance(&r.test, &filters);
-            (*i, deviance + unknowns as f64 * samples.max(2.0).ln())
+            (*i, deviance + t.unknowns() as f64 * samples.max(2.0).ln())
         })
         .collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -61,15 +62,15 @@ impl Ranking {
 
     /// The simpler member that should be named instead of a richer one, if it should.
     fn simpler(&self, trials: &[Trial], rich: usize) -> Option<usize> {
-        let (name, port) = trials[rich].effect.as_ref()?;
-        let effect = trials[rich].model.library().get(name).ok()?;
+        let (name, at) = trials[rich].made.effects.last()?;
+        let effect = trials[rich].made.model.library().get(name).ok()?;
         let base = effect.extends.as_ref()?;
-        let simple = trials.iter().position(|t| t.effect.as_ref().is_some_and(|(e, p)| e == base && p == port))?;
+        let simple = trials.iter().position(|t| t.made.effects.last().is_some_and(|(e, p)| e == base && p == at))?;
         if !self.score(simple).is_finite() {
             return None;
         }
         let wins = self.score(simple) - self.score(rich) > APART;
-        let p = trials[rich].effect_parameters();
+        let p = trials[rich].effect_parameters(trials[rich].made.effects.len() - 1);
         // `a - b` of two parameters against `b`.
         let material = effect.excess.as_deref().and_then(|e| e.split_once('-')).is_none_or(|(a, b)| {
             let value = |n: &str| p.get(n.trim()).copied().unwrap_or(0.0);
@@ -80,10 +81,10 @@ impl Ranking {
 
     /// What the recordings cannot tell from the winner; members of its own family are not another answer.
     pub fn ambiguous(&self, trials: &[Trial], winner: usize) -> Vec<usize> {
-        let family = |i: usize| -> Option<(String, &String)> {
-            let (name, port) = trials[i].effect.as_ref()?;
-            let effect = trials[i].model.library().get(name).ok()?;
-            Some((effect.extends.clone().unwrap_or_else(|| name.clone()), port))
+        let family = |i: usize| -> Option<Attachment> {
+            let (name, at) = trials[i].made.effects.last()?;
+            let effect = trials[i].made.model.library().get(name).ok()?;
+            Some((effect.extends.clone().unwrap_or_else(|| name.clone()), at.clone()))
         };
         let best = self.score(winner);
         let near = self.order.iter().filter_map(|(i, s)| i.filter(|_| *s - best < APART));
@@ -204,16 +205,23 @@ fn crossed(bench: &Bench<'_>, nominal: &Trial, trial: &Trial, halves: &Halves) -
             let other = 1 - fold;
             let fitted = Ground { experiments: &halves.parts[fold], ..bench.train };
             let predicted = Ground { experiments: &halves.parts[other], ..bench.train };
-            let subject = Subject { system: &t.system, priors: &t.priors, moves: true };
-            let still = Subject { moves: false, ..subject };
-            let x0 = starts(&still, fitted, &t.fit.point.theta, &halves.start[fold], &halves.ties[fold]);
+            let subject = t.made.subject();
+            let wide = |x: &[Vec<f64>]| -> Vec<Vec<f64>> {
+                let system = &t.made.system;
+                x.iter().map(|x| widened(x, system.states(), &system.initial_state())).collect()
+            };
+            let from_here = |theta: &[f64], ground: Ground<'_>, half: usize| {
+                let p = full(&t.made.system, theta);
+                starts(&t.made.model, &t.made.extra, &p, ground, &wide(&halves.start[half]), &halves.ties[half], None)
+            };
+            let x0 = from_here(&t.fit.point.theta, fitted, fold);
             let from = Point { theta: t.fit.point.theta.clone(), x0 };
             let theta = stage(&subject, fitted, &from, &halves.start[fold], None, FINE)
                 .map_or(t.fit.point.theta.clone(), |f| f.point.theta);
-            let x0 = starts(&still, predicted, &theta, &halves.start[other], &halves.ties[other]);
-            let p = full(&t.system, &theta);
-            let r = Residuals::of(&t.system, &p, (predicted, &x0), (Ground { experiments: &[], ..predicted }, &[]));
-            debug_assert_eq!(t.system.states(), x0.first().map_or(0, Vec::len));
+            let x0 = from_here(&theta, predicted, other);
+            let p = full(&t.made.system, &theta);
+            let r =
+                Residuals::of(&t.made.system, &p, (predicted, &x0), (Ground { experiments: &[], ..predicted }, &[]));
             energy[which] += if r.complete() { r.structural(&r.train) } else { f64::INFINITY };
         }
     }

@@ -1,12 +1,10 @@
-//! The law of an effect as a function of position and velocity: for starting amplitudes, and for the picture with its band.
+//! The law of an effect as a function of position and velocity: for the picture with its band.
 
 use indexmap::IndexMap;
 
-use super::prepare::Scene;
 use super::result::{Force, Law};
 use crate::error::Result;
 use crate::model::document::{Definition, Input, Parameter, State};
-use crate::model::effects;
 use crate::model::{Backend, Compiled, Document, Library, Model, Point, System};
 use crate::numeric::stats;
 
@@ -54,19 +52,6 @@ impl LawFunction {
         (out[0], out[2..].to_vec())
     }
 
-    /// The amplitude with which the law, linear in the parameter `index`, fits a force best.
-    pub fn amplitude(&self, forces: &[Force], p: &[f64], index: usize) -> f64 {
-        let (mut top, mut bottom) = (0.0, 0.0);
-        for f in forces {
-            for k in (0..f.t.len()).step_by((f.t.len() / 2000).max(1)) {
-                let (_, d) = self.eval(f.position[k], f.velocity[k], p);
-                top += d[index] * f.force[k];
-                bottom += d[index] * d[index];
-            }
-        }
-        if bottom > 0.0 { top / bottom } else { 0.0 }
-    }
-
     /// The law over the range of the recordings with one-sigma band from the covariance of its parameters.
     pub fn table(&self, forces: &[Force], p: &[f64], sd: &[f64], units: &[String; 3]) -> Law {
         let speedy = self.depends_on_velocity(forces, p);
@@ -107,40 +92,25 @@ fn positions(forces: &[Force]) -> Vec<f64> {
     forces.iter().flat_map(|f| f.position.iter().copied()).collect()
 }
 
-/// Sizes at a port from what its force and motion did.
-pub fn port_scales(forces: &[Force], scene: &Scene) -> PortScales {
-    let all =
-        |of: &dyn Fn(&Force) -> &Vec<f64>| -> f64 { stats::rms(forces.iter().flat_map(|f| of(f).iter().copied())) };
-    let force = all(&|f| &f.force);
-    let velocity = forces.iter().flat_map(|f| f.velocity.iter()).fold(0.0_f64, |m, v| m.max(v.abs()));
-    let floor = |v: f64| if v > 0.0 && v.is_finite() { v } else { 1.0 };
-    PortScales {
-        force: floor(force),
-        velocity: floor(velocity),
-        position: floor(all(&|f| &f.position)),
-        time: 1.0 / floor(scene.speed),
-    }
-}
-
-/// Natural sizes at a port.
-#[derive(Clone, Copy, Debug)]
-pub struct PortScales {
-    force: f64,
-    velocity: f64,
-    position: f64,
-    time: f64,
-}
-
-impl PortScales {
-    /// Size of a quantity given in words of the port, such as `force/velocity^2`.
-    pub fn of(&self, words: &str) -> f64 {
-        let size = |name: &str| match name {
-            "force" => self.force,
-            "velocity" => self.velocity,
-            "position" => self.position,
-            "time" => self.time,
-            _ => 1.0,
-        };
-        effects::words(words).into_iter().map(|(name, power)| size(name).powf(power)).product()
-    }
+/// Value of an expression of known numbers: where the library says how a starting value follows from the others.
+///
+/// # Errors
+/// [`crate::Error::Expression`].
+pub fn evaluate(text: &str, known: &IndexMap<&str, f64>, library: &Library) -> Result<f64> {
+    let rest = "rest_".to_string();
+    let document = Document {
+        name: "start".into(),
+        states: IndexMap::from([(rest.clone(), State { value: 0.0, unit: None })]),
+        parameters: known
+            .iter()
+            .map(|(n, v)| ((*n).to_string(), Parameter { value: *v, ..Parameter::default() }))
+            .collect(),
+        flow: IndexMap::from([(rest, "0".to_string())]),
+        outputs: IndexMap::from([("value_".to_string(), Definition::Plain(text.to_string()))]),
+        ..Document::default()
+    };
+    let system = Model::new(document, library.clone(), "starting value")?.compile_for(Vec::new(), Backend::Plain);
+    let mut out = [0.0];
+    system.output(0, Point { t: 0.0, x: &[0.0], u: &[], p: system.parameters() }, &mut out);
+    Ok(out[0])
 }

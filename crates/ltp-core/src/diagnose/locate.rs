@@ -4,13 +4,14 @@
 //! transitions of the hybrid engine gives the likelihood of that single-port hypothesis, a smoother the force itself. The
 //! force is then regressed on what it may depend on, judged on left-out blocks beyond what nominal parameters explain.
 
-use super::candidates::{Bench, PortGuess, Trial};
 use super::experiment::{Control, Experiment};
 use super::fit::Ground;
 use super::kalman::{Filter, Noise};
-use super::law::port_scales;
 use super::prepare::{Scene, with_unknown_forces};
 use super::result::{Force, Location};
+use super::trial::{Bench, Trial};
+use rayon::prelude::*;
+
 use crate::error::Result;
 use crate::model::{Backend, Model, Point, System};
 use crate::numeric::spline::BSplines;
@@ -61,8 +62,8 @@ pub fn missing(bench: &Bench<'_>, scene: &Scene, p: &[f64], port: &str) -> Resul
     Ok(forces)
 }
 
-/// Every port in turn: the force that the model as stated misses there, for starting values, and the port at which a
-/// missing force explains best what the refitted model leaves.
+/// Every port in turn: the force that the refitted model misses there, and the port at which such a force explains best what
+/// is left.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`].
@@ -72,41 +73,48 @@ pub fn everywhere(
     nominal: &Trial,
     seed: u64,
     warnings: &mut Vec<String>,
-) -> Result<(Vec<PortGuess>, Option<Located>)> {
+) -> Result<(Vec<(String, Vec<Force>)>, Option<Located>)> {
     let (model, ground) = (bench.model, bench.train);
-    let at =
-        |p: &[f64], port: &str| at_port(model, p, port, ground.experiments, scene, ground.substeps, ground.control);
-    let (stated, refitted) = (nominal.system.parameters().to_vec(), nominal.parameters());
-    let mut guesses = Vec::new();
-    let mut best: Option<Located> = None;
-    for port in model.ports() {
-        ground.control.check()?;
-        let Some((_, forces)) = at(&stated, port)? else {
+    let refitted = nominal.parameters();
+    let ports = model.ports();
+    let found: Vec<Option<(f64, Vec<Force>)>> = ports
+        .par_iter()
+        .map(|port| {
+            ground.control.check()?;
+            at_port(model, &refitted, port, ground.experiments, scene, ground.substeps, ground.control)
+        })
+        .collect::<Result<_>>()?;
+    let mut all = Vec::new();
+    let mut best: Option<(f64, usize)> = None;
+    for (port, found) in ports.iter().zip(found) {
+        let Some((gain, mut forces)) = found else {
             warnings.push(format!("port `{port}`: no force there can be estimated from these recordings"));
             continue;
         };
-        guesses.push(PortGuess { port: port.to_string(), scales: port_scales(&forces, scene), stated: forces });
-        let Some((gain, forces)) = at(&refitted, port)? else { continue };
-        if best.as_ref().is_none_or(|l| gain > l.gain) {
-            let (variable, explained, p_value) = depends_on(&forces, seed);
-            let location = Location {
-                kind: "port".into(),
-                at: port.to_string(),
-                mode: None,
-                variable: variable.into(),
-                phases: Vec::new(),
-                p_value,
-                margin: gain,
-            };
-            best = Some(Located { location, gain, explained, forces });
+        for f in &mut forces {
+            [f.unit, f.position_unit, f.velocity_unit] = model.port_units(port)?;
         }
-    }
-    if let Some(l) = &mut best {
-        for f in &mut l.forces {
-            [f.unit, f.position_unit, f.velocity_unit] = model.port_units(&f.at)?;
+        if best.is_none_or(|(g, _)| gain > g) {
+            best = Some((gain, all.len()));
         }
+        all.push(((*port).to_string(), forces));
     }
-    Ok((guesses, best))
+    let located = best.map(|(gain, i)| {
+        let (port, forces) = &all[i];
+        let (variable, explained, p_value) = depends_on(forces, seed);
+        let location = Location {
+            kind: "port".into(),
+            at: port.clone(),
+            mode: None,
+            variable: variable.into(),
+            phases: Vec::new(),
+            p_value,
+            margin: gain,
+            sentence: String::new(),
+        };
+        Located { location, gain, explained, forces: forces.clone() }
+    });
+    Ok((all, located))
 }
 
 /// The force at a port that explains the recordings best, and its gain in log-likelihood over none.
@@ -153,16 +161,29 @@ fn at_port(
         Ok(Some((total, forces)))
     };
     let Some((without, _)) = run(0.0, false)? else { return Ok(None) };
-    // One parabola-free search over decades is enough: the likelihood is flat around its top.
+    // A walk over decades from the middle is enough: the likelihood is flat around its top.
     let seconds: f64 = train.iter().map(|e| e.len() as f64 * e.dt).fold(0.0, f64::max);
+    let intensity = |n: i32| reach * 10f64.powf(0.75 * f64::from(n)) / (0.05 * seconds).sqrt();
+    let likelihood = |n: i32| run(intensity(n), false).map(|r| r.map(|(l, _)| l));
     let mut best: Option<(f64, f64)> = None;
-    for decade in [-3.0, -2.25, -1.5, -0.75, 0.0, 0.75] {
-        let intensity = reach * 10f64.powf(decade) / (0.05 * seconds).sqrt();
-        if let Some((l, _)) = run(intensity, false)?
-            && best.is_none_or(|(b, _)| l > b)
-        {
-            best = Some((l, intensity));
+    let (mut at, mut tried) = (-2, Vec::new());
+    loop {
+        let mut higher = at;
+        for n in [at, at - 1, at + 1] {
+            if (-5..=2).contains(&n) && !tried.contains(&n) {
+                tried.push(n);
+                if let Some(l) = likelihood(n)?
+                    && best.is_none_or(|(b, _)| l > b)
+                {
+                    best = Some((l, intensity(n)));
+                    higher = n;
+                }
+            }
         }
+        if higher == at {
+            break;
+        }
+        at = higher;
     }
     let Some((likelihood, intensity)) = best else { return Ok(None) };
     Ok(run(intensity, true)?.map(|(_, forces)| (likelihood - without, forces)))

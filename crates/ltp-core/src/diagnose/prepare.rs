@@ -10,6 +10,16 @@ use crate::numeric::{spectrum, stats};
 
 /// Name of the effect that stands for a force nobody knows: a state of its own that only noise moves.
 pub const UNKNOWN_FORCE: &str = "unknown_force";
+/// Effects that the fits do not start yet, and the unknown force itself.
+const LATER: [&str; 7] = [
+    UNKNOWN_FORCE,
+    "backlash",
+    "hysteresis",
+    "position_periodic_force",
+    "time_periodic_force",
+    "added_mass",
+    "flexible_mode",
+];
 /// Intensity of noise below which a measurement is not believed to be better than this fraction of its motion.
 const FINEST: f64 = 1e-9;
 
@@ -23,7 +33,7 @@ pub fn with_unknown_forces(model: &Model, ports: &[&str]) -> Result<Model> {
         reference: "random walk".into(),
         ..Effect::default()
     };
-    let state = effects::EffectState { value: 0.0, unit: "force".into(), flow: "0".into() };
+    let state = effects::EffectState { value: 0.0, start: None, unit: "force".into(), flow: "0".into() };
     effect.states.insert("w".into(), state);
     library.add(UNKNOWN_FORCE, effect)?;
     let mut document = model.document().clone();
@@ -310,7 +320,8 @@ pub fn substeps(system: &dyn System, p: &[f64], ground: Ground<'_>, start: &[Vec
     })
 }
 
-/// The library without the unknown force: names that may be attached.
+/// The library without the unknown force, and without errors of parameters that were stated as exact: names that are tried
+/// unless others are asked for.
 pub fn candidates(library: &Library) -> Vec<String> {
-    library.names().filter(|n| *n != UNKNOWN_FORCE).map(String::from).collect()
+    library.names().filter(|n| ![UNKNOWN_FORCE, "parameter_error"].contains(n)).map(String::from).collect()
 }

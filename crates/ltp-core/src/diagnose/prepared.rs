@@ -1,10 +1,10 @@
 //! Recordings made ready: split, followed by observers, with the fit of the nominal model and the noise it reveals.
 
-use super::candidates::{self, Bench, Trial};
 use super::experiment::{Control, Experiment};
 use super::fit::Ground;
 use super::judge::Halves;
 use super::prepare::{self, Follower, Scene, Ties};
+use super::trial::{self, Bench, Trial};
 use crate::error::Result;
 use crate::model::{Model, System};
 
@@ -113,10 +113,10 @@ impl Prepared {
     /// second, sharper view of the noise than the white part of the measurement; the engine's own error adds to it.
     ///
     /// # Errors
-    /// As [`candidates::nominal`].
+    /// As [`trial::nominal`].
     pub fn nominal(&self, model: &Model, control: &Control<'_>) -> Result<(Vec<f64>, Trial)> {
         let sigma = self.scene.sigma.clone();
-        let nominal = candidates::nominal(&self.bench(model, &sigma, control))?;
+        let nominal = trial::nominal(&self.bench(model, &sigma, control))?;
         let scaled = |r: &Vec<f64>| r.iter().enumerate().map(|(i, v)| v * sigma[i % sigma.len()]).collect();
         let residual: Vec<Vec<f64>> = nominal.residuals.train.iter().map(scaled).collect();
         let sharper: Vec<f64> = prepare::floors(&self.train, Some(&residual))
@@ -128,7 +128,7 @@ impl Prepared {
         if sharper.iter().zip(&sigma).all(|(a, b)| *a > 0.8 * b && *a < 1.25 * b) {
             return Ok((sigma, nominal));
         }
-        let nominal = candidates::nominal(&self.bench(model, &sharper, control))?;
+        let nominal = trial::nominal(&self.bench(model, &sharper, control))?;
         Ok((sharper, nominal))
     }
 

@@ -46,7 +46,7 @@ pub fn check(model: &Model, train: &[Experiment], test: &[Experiment]) -> Result
     leaks(train, test, &mut warnings)?;
     sampling(train, test, &mut warnings);
     sensor::check(model, train, test, &mut warnings)?;
-    scale::check(model, &system, train)?;
+    scale::check(model, train)?;
     Ok(warnings)
 }
 

@@ -2,15 +2,19 @@
 
 use indexmap::IndexMap;
 
-use super::candidates::{Trial, full, short};
 use super::experiment::{Experiment, Run};
-use super::fit::Ground;
-use super::judge::Ranking;
+use super::fit::{Ground, full};
+use super::forward::{Explained, Round};
 use super::law::LawFunction;
-use super::result::{Candidate, Estimate, FitReport, FitRow, Law, NamedEffect, ParameterReport, RecordTrace};
+use super::result::{Absorbed, Candidate, Estimate, FitReport, FitRow, Law, NamedEffect, ParameterReport, RecordTrace};
+use super::search::{Aside, Why};
+use super::trial::Trial;
 use crate::error::Result;
 use crate::model::{Model, System};
 use crate::numeric::stats;
+
+/// Standard deviations by which a parameter must move to count as having soaked something up.
+const SOAKED: f64 = 3.0;
 
 /// Parameters and initial states with which a system runs along train and held-out records.
 pub struct Point<'a> {
@@ -88,31 +92,98 @@ pub fn fits(model: &Model, train: Ground<'_>, test: Ground<'_>, points: &[Point<
     (traces, report)
 }
 
-/// The ranking in public form.
-pub fn candidates(ranking: &Ranking, winner: Option<usize>, nominal: &Trial, trials: &[Trial]) -> Vec<Candidate> {
-    let base = nominal.residuals.deviance(&nominal.residuals.test);
-    let public = |t: &Trial, score: Option<f64>| Candidate {
-        name: t.effect.as_ref().map_or("nothing".into(), |(e, _)| e.clone()),
-        at: t.effect.as_ref().map_or(String::new(), |(_, p)| p.clone()),
-        score,
-        held_out: t.residuals.complete().then(|| t.residuals.deviance(&t.residuals.test) - base),
-        converged: t.fit.converged,
-        parameters: t.effect_parameters(),
-        note: if t.imitated {
-            Some("the nominal parameters can do the same: it cannot be told from them".into())
-        } else if !t.residuals.complete() {
-            Some("could not be simulated along every record".into())
-        } else {
-            None
-        },
+/// The rankings of all rounds in public form, the first round first.
+pub fn candidates(e: &Explained) -> Vec<Candidate> {
+    let mut base = &e.nominal;
+    let mut out = Vec::new();
+    for round in &e.rounds {
+        out.extend(ranked(base, round));
+        if let Some(i) = round.accepted {
+            base = &round.trials[i];
+        }
+    }
+    out
+}
+
+fn ranked(base: &Trial, round: &Round) -> Vec<Candidate> {
+    let with: Vec<String> = round.onto.iter().map(|(e, at)| format!("{e}@{at}")).collect();
+    let own_deviance = base.residuals.deviance(&base.residuals.test);
+    let newest = |t: &Trial| t.made.effects.last().filter(|_| t.made.effects.len() > with.len()).cloned();
+    let public = |t: &Trial, score: Option<f64>| {
+        let (name, at) = newest(t).unwrap_or(("nothing".into(), String::new()));
+        // Two at once: the other one stands among those that it is added to.
+        let added = t.made.effects.len().saturating_sub(1);
+        Candidate {
+            name,
+            at,
+            with: t.made.effects[..added].iter().map(|(e, at)| format!("{e}@{at}")).collect(),
+            score,
+            held_out: t.residuals.complete().then(|| t.residuals.deviance(&t.residuals.test) - own_deviance),
+            converged: t.fit.converged,
+            parameters: if newest(t).is_some() { t.effect_parameters(added) } else { IndexMap::new() },
+            note: (!t.residuals.complete()).then(|| "could not be simulated along every record".into()),
+        }
     };
-    let mut out: Vec<Candidate> = ranking
-        .relative(winner)
-        .into_iter()
-        .map(|(i, score)| public(i.map_or(nominal, |i| &trials[i]), Some(score)))
+    let order = round.ranking.relative(round.accepted);
+    let mut out: Vec<Candidate> =
+        order.into_iter().map(|(i, score)| public(i.map_or(base, |i| &round.trials[i]), Some(score))).collect();
+    let listed = |i: usize| round.ranking.order.iter().any(|(o, _)| *o == Some(i));
+    out.extend(round.trials.iter().enumerate().filter(|(i, _)| !listed(*i)).map(|(_, t)| public(t, None)));
+    let best = round.trials.iter().map(|t| t.fit.cost).fold(f64::INFINITY, f64::min);
+    let mut aside: Vec<&Aside> = round.aside.iter().collect();
+    aside.sort_by(|a, b| a.cost.unwrap_or(f64::INFINITY).total_cmp(&b.cost.unwrap_or(f64::INFINITY)));
+    out.extend(aside.into_iter().map(|a| Candidate {
+        name: a.effect.0.clone(),
+        at: a.effect.1.clone(),
+        with: with.clone(),
+        score: None,
+        held_out: None,
+        converged: false,
+        parameters: a.parameters.clone(),
+        note: Some(match (a.why, a.cost) {
+            (Why::Imitated, _) => "what is fitted already can do the same: it cannot be told from it".into(),
+            (Why::Behind, Some(c)) => format!(
+                "set aside unfinished: its sum of squares stood {} above the best of those that were fitted to the end",
+                super::words::number(c - best)
+            ),
+            _ => "it changes nothing along these recordings, or could not be simulated along them".into(),
+        }),
+    }));
+    out
+}
+
+/// Nominal parameters that moved when the effects were named, the most first.
+pub fn absorbed(nominal: &Trial, after: &Trial, parameters: &IndexMap<String, ParameterReport>) -> Vec<Absorbed> {
+    if after.made.effects.is_empty() {
+        return Vec::new();
+    }
+    let infos = nominal.made.model.parameters();
+    let mut out: Vec<Absorbed> = parameters
+        .iter()
+        .filter_map(|(name, p)| {
+            let sigmas = (p.before - p.after).abs() / p.sd.max(f64::MIN_POSITIVE);
+            let info = infos.iter().find(|i| i.name == *name)?;
+            let (low, high) = info.bounds;
+            let forbidden = if p.before <= low {
+                Some(format!("it was pressed against its least possible value {}", super::words::number(low)))
+            } else if p.before >= high {
+                Some(format!("it was pressed against its largest possible value {}", super::words::number(high)))
+            } else if p.before * p.nominal < 0.0 {
+                Some("its sign turned".into())
+            } else {
+                None
+            };
+            (sigmas > SOAKED || forbidden.is_some()).then(|| Absorbed {
+                parameter: name.clone(),
+                before: p.before,
+                after: p.after,
+                sigmas,
+                unit: p.unit.clone(),
+                forbidden,
+            })
+        })
         .collect();
-    let ranked = |i: usize| ranking.order.iter().any(|(o, _)| *o == Some(i));
-    out.extend(trials.iter().enumerate().filter(|(i, _)| !ranked(*i)).map(|(_, t)| public(t, None)));
+    out.sort_by(|a, b| b.sigmas.total_cmp(&a.sigmas));
     out
 }
 
@@ -120,13 +191,14 @@ pub fn candidates(ranking: &Ranking, winner: Option<usize>, nominal: &Trial, tri
 pub fn parameters(nominal: &Trial, after: &Trial) -> IndexMap<String, ParameterReport> {
     let sd = after.sds();
     nominal
+        .made
         .system
         .free()
         .iter()
         .enumerate()
-        .filter(|(k, _)| *k < nominal.priors.len())
+        .filter(|(k, _)| *k < nominal.made.priors.len())
         .map(|(k, &i)| {
-            let info = &nominal.model.parameters()[i];
+            let info = &nominal.made.model.parameters()[i];
             let report = ParameterReport {
                 nominal: info.value,
                 nominal_sd: info.sd.unwrap_or(f64::NAN),
@@ -140,24 +212,27 @@ pub fn parameters(nominal: &Trial, after: &Trial) -> IndexMap<String, ParameterR
         .collect()
 }
 
-/// The named effect with intervals.
-pub fn effect(trial: &Trial, share: f64) -> Option<NamedEffect> {
-    let (name, at) = trial.effect.clone()?;
+/// The named effects with intervals.
+pub fn effects(trial: &Trial, shares: &[f64]) -> Vec<NamedEffect> {
     let sd = trial.sds();
-    let infos = trial.model.parameters();
-    let parameters = trial
-        .system
-        .free()
+    let infos = trial.made.model.parameters();
+    let estimate = |k: usize| {
+        let unit = infos[trial.made.system.free()[k]].unit.clone().unwrap_or_else(|| "1".into());
+        let sd = (sd[k].is_finite() && sd[k] > 0.0).then_some(sd[k]);
+        Estimate { value: trial.fit.point.theta[k], sd, unit }
+    };
+    trial
+        .made
+        .effects
         .iter()
         .enumerate()
-        .filter(|(_, i)| infos[**i].effect.is_some())
-        .map(|(k, &i)| {
-            let unit = infos[i].unit.clone().unwrap_or_else(|| "1".into());
-            let sd = (sd[k].is_finite() && sd[k] > 0.0).then_some(sd[k]);
-            (short(&infos[i].name).to_string(), Estimate { value: trial.fit.point.theta[k], sd, unit })
+        .map(|(n, (name, at))| NamedEffect {
+            name: name.clone(),
+            at: at.clone(),
+            parameters: trial.own(n).into_iter().map(|(k, own)| (own, estimate(k))).collect(),
+            share: shares.get(n).copied().unwrap_or(0.0),
         })
-        .collect();
-    Some(NamedEffect { name, at, parameters, share })
+        .collect()
 }
 
 /// The model with fitted values, and their uncertainties as the new stated ones.
@@ -165,28 +240,35 @@ pub fn effect(trial: &Trial, share: f64) -> Option<NamedEffect> {
 /// # Errors
 /// None that a fitted model could cause.
 pub fn augmented(trial: &Trial) -> Result<Model> {
-    let infos = trial.model.parameters();
+    let infos = trial.made.model.parameters();
     let sd = trial.sds();
-    let p = full(&trial.system, &trial.fit.point.theta);
+    let p = full(&trial.made.system, &trial.fit.point.theta);
     let values: Vec<(&str, f64, Option<f64>)> = trial
+        .made
         .system
         .free()
         .iter()
         .enumerate()
         .map(|(k, &i)| (infos[i].name.as_str(), p[i], (sd[k].is_finite() && sd[k] > 0.0).then_some(sd[k])))
         .collect();
-    trial.model.with_parameters(&values)
+    trial.made.model.with_parameters(&values)
 }
 
-/// The law of a named effect with its band.
+/// The law of the first named effect at a port, with its band.
 ///
 /// # Errors
 /// As [`LawFunction::new`].
 pub fn law(trial: &Trial, located: &[super::result::Force]) -> Result<Option<Law>> {
-    let Some((name, port)) = &trial.effect else { return Ok(None) };
-    let Some(function) = LawFunction::new(trial.model.library(), name)? else { return Ok(None) };
-    let own: Vec<f64> = trial.effect_parameters().into_values().collect();
-    let sd = trial.sds();
-    let sd = &sd[sd.len() - own.len()..];
-    Ok(Some(function.table(located, &own, sd, &trial.model.port_units(port)?)))
+    let library = trial.made.model.library();
+    for (k, (name, at)) in trial.made.effects.iter().enumerate() {
+        if library.get(name)?.on != "port" || located.first().is_none_or(|f| f.at != *at) {
+            continue;
+        }
+        let Some(function) = LawFunction::new(library, name)? else { continue };
+        let sds = trial.sds();
+        let (own, sd): (Vec<f64>, Vec<f64>) =
+            trial.own(k).into_iter().map(|(i, _)| (trial.fit.point.theta[i], sds[i])).unzip();
+        return Ok(Some(function.table(located, &own, &sd, &trial.made.model.port_units(at)?)));
+    }
+    Ok(None)
 }

@@ -35,7 +35,7 @@ pub struct Estimate {
 pub struct NamedEffect {
     /// Name in the library.
     pub name: String,
-    /// Port.
+    /// Place.
     pub at: String,
     /// Parameters.
     pub parameters: IndexMap<String, Estimate>,
@@ -43,12 +43,12 @@ pub struct NamedEffect {
     pub share: f64,
 }
 
-/// Where a mismatch acts.
+/// Where a mismatch acts, and on what it depends.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Location {
-    /// `port`.
+    /// `port`, `input`, `output`, `contact` or `parameter`.
     pub kind: String,
-    /// Name of the port.
+    /// Name of the place.
     pub at: String,
     /// Mode, where only one matters.
     pub mode: Option<String>,
@@ -58,17 +58,51 @@ pub struct Location {
     pub phases: Vec<f64>,
     /// Probability that the dependence is chance.
     pub p_value: f64,
-    /// Gain in log-likelihood over no missing force.
+    /// Gain in log-likelihood over nothing missing.
     pub margin: f64,
+    /// All of it in one sentence.
+    pub sentence: String,
 }
 
-/// One candidate of the ranking.
+/// A nominal parameter that had soaked up missing physics before it was named.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Absorbed {
+    /// Parameter.
+    pub parameter: String,
+    /// Refitted without the effect.
+    pub before: f64,
+    /// Refitted with it.
+    pub after: f64,
+    /// Their distance in standard deviations of the latter.
+    pub sigmas: f64,
+    /// Unit.
+    pub unit: String,
+    /// Why the absorbed value cannot be physics, where it cannot.
+    pub forbidden: Option<String>,
+}
+
+/// A change of the experiment that would tell rivals apart.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Separating {
+    /// What to do, with the gain it promises.
+    pub sentence: String,
+    /// `amplitude`, `sensor`, `slow`, `bandwidth` or `longer`.
+    pub kind: String,
+    /// The rivals that it tells apart.
+    pub separates: Vec<String>,
+    /// Predicted deviance between them; ten is decisive.
+    pub gain: f64,
+}
+
+/// One candidate of the ranking: an effect added to those of `with`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Candidate {
     /// Effect, or `nothing`.
     pub name: String,
-    /// Port.
+    /// Place.
     pub at: String,
+    /// `effect@place` of what was accepted before.
+    pub with: Vec<String>,
     /// Distance to the winner in units of deviance: zero is best, ten is decisive.
     pub score: Option<f64>,
     /// Deviance of the held-out records less that of the nominal model; negative is better.
@@ -158,8 +192,9 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The verdict in a sentence with numbers and units.
     pub sentence: String,
-    /// Where, if anywhere.
-    pub location: Option<Location>,
+    /// Where, if anywhere: `null`, one place, or a list of them.
+    #[serde(serialize_with = "none_one_or_many")]
+    pub location: Vec<Location>,
     /// What was left out.
     pub effects: Vec<NamedEffect>,
     /// `name@port` of what the recordings cannot tell from it.
@@ -168,6 +203,10 @@ pub struct Diagnosis {
     pub candidates: Vec<Candidate>,
     /// Nominal parameters before and after.
     pub parameters: IndexMap<String, ParameterReport>,
+    /// Nominal parameters that had soaked up what was missing, the most first.
+    pub absorbed: Vec<Absorbed>,
+    /// Experiments that would tell the rivals of an ambiguous verdict apart, the best first.
+    pub separate: Vec<Separating>,
     /// Errors before and after.
     pub fit: FitReport,
     /// The augmented model as TOML.
@@ -240,4 +279,13 @@ pub struct Force {
     pub sd: Vec<f64>,
     /// Force that a unit change of each uncertain nominal parameter would look like.
     pub imitable: Vec<Vec<f64>>,
+}
+
+/// One place is written as an object, several as a list: most machines have one fault at a time.
+fn none_one_or_many<S: serde::Serializer>(places: &[Location], to: S) -> Result<S::Ok, S::Error> {
+    match places {
+        [] => to.serialize_none(),
+        [one] => one.serialize(to),
+        many => many.serialize(to),
+    }
 }

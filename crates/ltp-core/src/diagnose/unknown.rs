@@ -1,8 +1,8 @@
 //! Physics outside the library: a force law over what it depends on, without a name.
 
-use super::candidates::Trial;
 use super::locate::{BLOCKS, Located, splines};
 use super::result::Law;
+use super::trial::Trial;
 use crate::numeric::rows::RowQr;
 use crate::numeric::spline::BSplines;
 use crate::numeric::{regression, stats};

@@ -55,11 +55,18 @@ pub fn remaining(fit: &FitReport) -> f64 {
     fit.train.iter().filter_map(|r| Some(r.after? / r.floor.max(f64::MIN_POSITIVE))).fold(0.0, f64::max)
 }
 
+fn parameters(e: &NamedEffect) -> String {
+    e.parameters.iter().map(|(n, v)| format!("{n} = {}", value(v))).collect::<Vec<_>>().join(", ")
+}
+
 /// The verdict in one sentence with numbers and units.
 pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
-    let place = d.location.as_ref().filter(|l| l.p_value <= 0.05).map_or(String::new(), |l| {
+    let place = d.location.iter().find(|l| l.kind == "port" && l.p_value <= 0.05).map_or(String::new(), |l| {
         format!("; the missing force acts at `{}` and depends on {} (p = {})", l.at, l.variable, number(l.p_value))
     });
+    let named: Vec<String> =
+        d.effects.iter().map(|e| format!("`{}` at `{}` ({})", e.name, e.at, parameters(e))).collect();
+    let named = named.join(" and ");
     let rows = if d.fit.test.is_empty() { &d.fit.train } else { &d.fit.test };
     let which = if d.fit.test.is_empty() { "training" } else { "held-out" };
     let worst = rows
@@ -75,13 +82,12 @@ pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
             format!("; {which} error of {} falls from {b} to {a} (noise {f})", r.output)
         }
     });
-    let parameters = |e: &NamedEffect| {
-        e.parameters.iter().map(|(n, v)| format!("{n} = {}", value(v))).collect::<Vec<_>>().join(", ")
-    };
     match d.verdict {
         Verdict::Consistent if remaining(&d.fit) > DOUBTFUL => {
-            format!("No physics of the library is missing as far as these recordings can tell{errors}; what is left above \
-                     the noise stays unexplained.")
+            format!(
+                "No physics of the library is missing as far as these recordings can tell{errors}; what is left above \
+                     the noise stays unexplained."
+            )
         }
         Verdict::Consistent => format!("The model explains the recordings: nothing needs to be added{errors}."),
         Verdict::Parameter => {
@@ -96,18 +102,16 @@ pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
                 .collect();
             format!("The structure is right, but {}{errors}.", list.join(" and "))
         }
-        Verdict::Effect => d.effects.first().map_or(String::new(), |e| {
-            format!("`{}` at `{}` was left out: {}{place}{errors}.", e.name, e.at, parameters(e))
-        }),
-        Verdict::Ambiguous => d.effects.first().map_or(String::new(), |e| {
+        Verdict::Effect => {
+            let verb = if d.effects.len() > 1 { "were" } else { "was" };
+            format!("{named} {verb} left out{place}{errors}.")
+        }
+        Verdict::Ambiguous => {
             let others = d.ambiguous_with.iter().map(|o| format!("`{o}`")).collect::<Vec<_>>().join(", ");
             format!(
-                "Something was left out; `{}` at `{}` fits best ({}), but these recordings cannot tell it from {others}{errors}.",
-                e.name,
-                e.at,
-                parameters(e)
+                "Something was left out; {named} fits best, but these recordings cannot tell it from {others}{errors}."
             )
-        }),
+        }
         Verdict::Unknown => {
             format!("Physics was left out that no effect of the library explains{place}{errors}.")
         }

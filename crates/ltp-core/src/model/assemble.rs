@@ -1,15 +1,17 @@
 //! From document to meaning: names resolved, equations and events as expressions in one shared graph.
 //!
-//! Ports become sums of the laws attached to them; set-valued friction stays a placeholder ([`Symbol::Dry`]) that
-//! [`super::friction`] resolves for each combination of slip and stick.
+//! Ports become sums of the laws attached to them (`port_laws`); set-valued friction stays a placeholder
+//! ([`Symbol::Dry`]) that [`super::friction`] resolves for each combination of slip and stick.
 
 use indexmap::IndexMap;
 
+use super::attach::Place;
 use super::document::{Acts, Direction, Document, Named};
 use super::effects::Library;
 use super::graph::{Graph, Id, Symbol};
 use super::parse::{is_name, is_reserved};
 use super::scope::{Names, Scope};
+use super::{contact, port_laws};
 use crate::error::{Error, Result, nearest};
 
 /// A fitted or fixed number of the model.
@@ -120,8 +122,10 @@ pub fn assemble(doc: &Document, library: &Library, source: &str) -> Result<Assem
     let mut modes = Vec::new();
     let mut scopes = Vec::new();
     for mode in &mode_names {
-        let mut scope = Scope::new(doc, &names, source, mode);
-        modes.push(mode_equations(&mut graph, &mut scope, doc, library, mode, source)?);
+        let as_mode = contact::flows_as(doc, &names, mode);
+        let mut scope = Scope::new(doc, &names, source, as_mode);
+        let equations = mode_equations(&mut graph, &mut scope, doc, as_mode, source)?;
+        modes.push(ModeEquations { name: mode.clone(), ..equations });
         scopes.push(scope);
     }
 
@@ -195,6 +199,7 @@ pub fn assemble(doc: &Document, library: &Library, source: &str) -> Result<Assem
             return Err(fault(&format!("contacts.{name}.port"), format!("there is no port `{port}`")));
         }
     }
+    contact::change_events(&mut graph, &mut scopes, doc, &mut events)?;
     let mut assembly = Assembly {
         graph,
         initial: names.initial.clone(),
@@ -208,7 +213,8 @@ pub fn assemble(doc: &Document, library: &Library, source: &str) -> Result<Assem
         dry_names: names.dry.iter().map(|d| d.name.clone()).collect(),
         period,
     };
-    attach_laws(&mut assembly, &mut scopes, doc, library)?;
+    initial_effect_states(&mut assembly, &mut scopes[initial_mode], doc)?;
+    port_laws::attach_laws(&mut assembly, &mut scopes, doc)?;
     Ok(assembly)
 }
 
@@ -239,7 +245,6 @@ fn mode_equations(
     g: &mut Graph,
     scope: &mut Scope<'_>,
     doc: &Document,
-    library: &Library,
     mode: &str,
     source: &str,
 ) -> Result<ModeEquations> {
@@ -311,18 +316,65 @@ fn mode_equations(
         }
         ports.push((position, velocity));
     }
-    for e in &scope.names.effects {
-        let effect = library.get(&e.name)?;
-        for (state, s) in &effect.states {
-            let path = format!("effect `{}`, states.{state}", e.name);
-            complete.push(scope.law(g, &s.flow, e, ports[e.port], &path)?);
+    let mut outputs = Vec::new();
+    for (i, (name, d)) in doc.outputs.iter().enumerate() {
+        let stated = scope.expression(g, d.expression(), &format!("outputs.{name}"))?;
+        outputs.push(scope.changed(g, Place::Output(i), stated)?);
+    }
+    let names = scope.names;
+    for (k, e) in names.effects.iter().enumerate().filter(|(_, e)| !e.states.is_empty()) {
+        let words = words(g, scope, doc, &ports, k)?;
+        for (state, s) in &e.effect.states {
+            complete.push(scope.law(g, &s.flow, e, &words, &format!("states.{state}"))?);
         }
     }
-    let mut outputs = Vec::new();
-    for (name, d) in &doc.outputs {
-        outputs.push(scope.expression(g, d.expression(), &format!("outputs.{name}"))?);
-    }
     Ok(ModeEquations { name: mode.to_string(), flow: complete, outputs, ports, dry_level: Vec::new() })
+}
+
+/// The words of an effect's place.
+fn words(
+    g: &mut Graph,
+    scope: &mut Scope<'_>,
+    doc: &Document,
+    ports: &[(Id, Id)],
+    effect: usize,
+) -> Result<Vec<(&'static str, Id)>> {
+    let e = &scope.names.effects[effect];
+    match e.place {
+        Place::Port(_) | Place::Contact(_) => port_laws::motion(scope, g, doc, e, ports),
+        _ => Ok(vec![("value", scope.before(g, effect)?)]),
+    }
+}
+
+/// Initial values that effects give as expressions, at the model's initial state, t = 0 and the default inputs.
+fn initial_effect_states(a: &mut Assembly, scope: &mut Scope<'_>, doc: &Document) -> Result<()> {
+    let names = scope.names;
+    for (k, e) in names.effects.iter().enumerate() {
+        for (state, s) in &e.effect.states {
+            let Some(text) = &s.start else { continue };
+            let words = words(&mut a.graph, scope, doc, &a.modes[a.initial_mode].ports, k)?;
+            let id = scope.law(&mut a.graph, text, e, &words, &format!("states.{state}"))?;
+            let leaves = a.graph.leaves(&[id]);
+            let values: Vec<(Symbol, Id)> = leaves
+                .into_iter()
+                .map(|leaf| {
+                    let value = match leaf {
+                        Symbol::State(i) => a.initial[i],
+                        Symbol::Parameter(i) => a.parameters[i].value,
+                        Symbol::Input(i) => doc.inputs[i].value.unwrap_or(0.0),
+                        _ => 0.0,
+                    };
+                    (leaf, a.graph.constant(value))
+                })
+                .collect();
+            let at = |s: Symbol| values.iter().find(|(leaf, _)| *leaf == s).map(|(_, id)| *id);
+            let start = a.graph.substitute(&[id], at)[0];
+            if let Some(value) = a.graph.value(start).filter(|v| v.is_finite()) {
+                a.initial[e.states[state]] = value;
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The table of a port's actions in one mode.
@@ -341,46 +393,6 @@ pub fn acts_in<'d>(acts: &'d Acts, mode: &str, doc: &Document, path: &str) -> Re
             Ok(by_mode.get(mode).into_iter().flatten().collect())
         }
     }
-}
-
-/// Replaces every port's force by the sum of the laws attached to it.
-fn attach_laws(a: &mut Assembly, scopes: &mut [Scope<'_>], doc: &Document, library: &Library) -> Result<()> {
-    for (m, scope) in scopes.iter_mut().enumerate() {
-        let g = &mut a.graph;
-        let zero = g.constant(0.0);
-        let mut force = vec![zero; doc.ports.len()];
-        let mut dry_level = Vec::new();
-        for e in &scope.names.effects {
-            let effect = library.get(&e.name)?;
-            let port = a.modes[m].ports[e.port];
-            if let Some(text) = &effect.law {
-                let law = scope.law(g, text, e, port, &format!("effect `{}`, law", e.name))?;
-                force[e.port] = g.add(force[e.port], law);
-            }
-            if let Some(text) = &effect.dry {
-                dry_level.push(scope.law(g, text, e, port, &format!("effect `{}`, dry", e.name))?);
-                let leaf = g.leaf(Symbol::Dry(dry_level.len() - 1));
-                force[e.port] = g.add(force[e.port], leaf);
-            }
-        }
-        let put = |g: &mut Graph, ids: &mut Vec<Id>| {
-            *ids = g.substitute(ids, |s| if let Symbol::Port(j) = s { Some(force[j]) } else { None });
-        };
-        put(g, &mut a.modes[m].flow);
-        put(g, &mut a.modes[m].outputs);
-        a.modes[m].dry_level = dry_level;
-        for event in a.events.iter_mut().filter(|e| e.from == m) {
-            put(g, &mut event.reset);
-            let mut guard = vec![event.guard];
-            guard.extend(event.when);
-            put(g, &mut guard);
-            (event.guard, event.when) = (guard[0], guard.get(1).copied());
-        }
-        for tick in &mut a.ticks {
-            put(g, &mut tick.update[m]);
-        }
-    }
-    Ok(())
 }
 
 /// Checks a name a document gives to something of its own.

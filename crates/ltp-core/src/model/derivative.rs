@@ -121,7 +121,10 @@ impl Graph {
                 if self.is_zero(db) {
                     return first;
                 }
-                let l = self.one(Fun1::Log, a);
+                // 0^b stays zero when b moves, though log(0) does not say so.
+                let (zero, log) = (self.constant(0.0), self.one(Fun1::Log, a));
+                let away = self.two(Fun2::Ne, a, zero);
+                let l = self.select(away, log, zero);
                 let vl = self.mul(value, l);
                 let second = self.mul(vl, db);
                 self.add(first, second)

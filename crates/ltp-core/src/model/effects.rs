@@ -1,9 +1,21 @@
 //! The effects library: candidate pieces of physics, each a document of its own.
 //!
-//! An effect names where it acts, its law in terms of `position`, `velocity` and `t` of the port it is attached to, its
-//! parameters with units relative to that port, and a reference. `law` is a smooth force; `dry` is the magnitude of a
-//! set-valued friction force that opposes motion and holds at rest up to that magnitude. A user adds an effect by a
-//! TOML file, without code.
+//! An effect names where it acts, its law in words of that place, its parameters with units relative to it, and a
+//! reference. A user adds an effect by a TOML file, without code. What an effect does stands under exactly one key:
+//!
+//! | `on` | key | meaning | words beside parameters, states, `t` and the model's own names |
+//! |---|---|---|---|
+//! | `port` | `law` | smooth force | `position`, `velocity`; `port_stiffness`; `free_acceleration`, `mobility` |
+//! | `port` | `dry` | magnitude of a set-valued friction force that opposes motion and holds at rest up to that magnitude | `position`, `velocity` |
+//! | `input` | `law` | what the model sees instead of the input or signal | `value`: what stands there |
+//! | `output` | `law` | what is measured | `value`: what would be measured |
+//! | `contact` | `law` | force of a ground that yields, on the contact's port | `gap`, `rate` |
+//! | `contact` | `gap` | distance to the ground as it really is | `gap`, `rate` |
+//! | `contact` | `rebound` | rate just after touchdown, from the one before | `gap`, `rate` |
+//! | `parameter` | `law` | what the model sees instead of the parameter | `value` |
+//!
+//! `port_stiffness` is the stiffness that the model has along the port, `free_acceleration` the acceleration of the port
+//! without this force, `mobility` what a unit of this force adds to it (`port_laws`).
 
 use std::sync::OnceLock;
 
@@ -11,6 +23,7 @@ use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
 use super::document::Named;
+use super::parse::parse;
 use crate::error::{Error, Result, nearest};
 
 /// One effect of the library.
@@ -19,14 +32,20 @@ use crate::error::{Error, Result, nearest};
 pub struct Effect {
     /// What it is, in plain words.
     pub sentence: String,
-    /// Where it acts: `port`.
+    /// Where it acts: `port`, `input`, `output`, `contact` or `parameter`.
     pub on: String,
-    /// Smooth force on the port.
+    /// Smooth force on the port, of the ground on a contact's port, or what replaces the input, output or parameter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub law: Option<String>,
     /// Magnitude of a set-valued friction force on the port.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dry: Option<String>,
+    /// Distance of a contact to the ground as it really is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap: Option<String>,
+    /// Rate of a contact's gap after touchdown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rebound: Option<String>,
     /// Additional states with their rates.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub states: Named<EffectState>,
@@ -50,7 +69,10 @@ pub struct EffectState {
     /// Initial value.
     #[serde(default)]
     pub value: f64,
-    /// Unit in words of the port: `force`, `position`, `velocity`.
+    /// Initial value as an expression, evaluated at the model's initial state, t = 0 and the default inputs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<String>,
+    /// Unit in words of the place, as for parameters.
     pub unit: String,
     /// Rate.
     pub flow: String,
@@ -60,15 +82,25 @@ pub struct EffectState {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EffectParameter {
-    /// Unit in words of the port: `force`, `position`, `velocity`, `time` and their quotients.
+    /// Unit in words of the place: `force`, `position`, `velocity` of a port or contact, `input`, `output`, `value` (of a
+    /// parameter), `time`, and their quotients; `1` for a pure number.
     pub unit: String,
+    /// Value at which the effect is absent; infinite where only the limit is.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub neutral: f64,
+    /// Value where the effect is attached without one; `neutral` where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<f64>,
+    /// Prior uncertainty around `value` of a shape parameter that recordings need not determine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd: Option<f64>,
     /// Smallest possible value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
     /// Largest possible value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
-    /// Natural scale, in the same words, from the sizes that the port sees.
+    /// Natural scale, in the same words, from the sizes that the place sees.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub scale: String,
     /// Starting value of a fit from the effect's other parameters; an amplitude started by a score test where left out.
@@ -77,6 +109,73 @@ pub struct EffectParameter {
     /// Starting values of a shape parameter, as multiples of its scale.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shape: Vec<f64>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // the form that serde asks for
+fn is_zero(v: &f64) -> bool {
+    *v == 0.0
+}
+
+impl EffectParameter {
+    /// Value where the effect is attached without one.
+    pub fn default_value(&self) -> f64 {
+        self.value.unwrap_or(self.neutral)
+    }
+}
+
+/// What an effect does at its place: the key of its document and the expression there.
+const ACTIONS: [(&str, &[&str]); 5] = [
+    ("port", &["law", "dry"]),
+    ("input", &["law"]),
+    ("output", &["law"]),
+    ("contact", &["law", "gap", "rebound"]),
+    ("parameter", &["law"]),
+];
+
+impl Effect {
+    /// The keys that say what it does, with their expressions.
+    fn actions(&self) -> Vec<(&'static str, &str)> {
+        let all = [("law", &self.law), ("dry", &self.dry), ("gap", &self.gap), ("rebound", &self.rebound)];
+        all.into_iter().filter_map(|(key, text)| Some((key, text.as_deref()?))).collect()
+    }
+
+    /// Whether what it does depends on a word, such as `port_stiffness`.
+    pub fn uses(&self, word: &str) -> bool {
+        let texts =
+            self.actions().into_iter().map(|(_, text)| text).chain(self.states.values().map(|s| s.flow.as_str()));
+        texts.into_iter().any(|text| parse(text, "").is_ok_and(|tree| tree.mentions(word)))
+    }
+
+    /// Whether it says one thing that can be said about its place.
+    fn check(&self, path: &str) -> Result<()> {
+        let fault = |message: String| Err(Error::Document { path: path.into(), message });
+        let Some((_, keys)) = ACTIONS.iter().find(|(on, _)| *on == self.on) else {
+            let known: Vec<&str> = ACTIONS.iter().map(|(on, _)| *on).collect();
+            return fault(format!("on = \"{}\": an effect acts on one of {}", self.on, known.join(", ")));
+        };
+        let found = self.actions();
+        match found.as_slice() {
+            [(key, _)] if keys.contains(key) => {}
+            _ => {
+                let names: Vec<&str> = found.iter().map(|(key, _)| *key).collect();
+                return fault(format!(
+                    "an effect on a {} gives exactly one of `{}`; found {}",
+                    self.on,
+                    keys.join("`, `"),
+                    if names.is_empty() { "none".into() } else { names.join(" and ") }
+                ));
+            }
+        }
+        for (name, p) in &self.parameters {
+            let low = p.min.unwrap_or(f64::NEG_INFINITY);
+            let high = p.max.unwrap_or(f64::INFINITY);
+            let v = p.default_value();
+            if v.is_nan() || v < low || v > high {
+                return fault(format!("parameters.{name}: its default {v} is not within {low} .. {high}"));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The factors of a unit or size in words of a port: `force/velocity^2` is force to the 1, velocity to the -2.
@@ -104,8 +203,8 @@ macro_rules! shipped {
     };
 }
 
-/// Text of every effect that ships with the crate, by name.
-pub const SHIPPED: [(&str, &str); 7] = shipped![
+/// Text of every effect that ships with the crate, by name, in the order of the vocabulary.
+pub const SHIPPED: [(&str, &str); 26] = shipped![
     "viscous_friction",
     "coulomb_friction",
     "stribeck_friction",
@@ -113,6 +212,25 @@ pub const SHIPPED: [(&str, &str); 7] = shipped![
     "linear_stiffness",
     "cubic_stiffness",
     "constant_force",
+    "backlash",
+    "hysteresis",
+    "position_periodic_force",
+    "time_periodic_force",
+    "added_mass",
+    "flexible_mode",
+    "input_gain",
+    "input_bias",
+    "input_lag",
+    "input_saturation",
+    "input_dead_zone",
+    "output_gain",
+    "output_bias",
+    "output_lag",
+    "compliant_ground",
+    "restitution",
+    "ground_height",
+    "parameter_error",
+    "parameter_drift",
 ];
 
 impl Library {
@@ -147,12 +265,11 @@ impl Library {
     /// Adds an effect.
     ///
     /// # Errors
-    /// [`Error::Document`] when it has neither or both of `law` and `dry`, or a name that is taken.
+    /// [`Error::Document`] when it does not say exactly one thing that can be said about its place, or has a name that is
+    /// taken.
     pub fn add(&mut self, name: &str, effect: Effect) -> Result<()> {
         let fault = |message: &str| Error::Document { path: format!("effect `{name}`"), message: message.into() };
-        if effect.law.is_some() == effect.dry.is_some() {
-            return Err(fault("give exactly one of `law` (a smooth force) and `dry` (the size of dry friction)"));
-        }
+        effect.check(&format!("effect `{name}`"))?;
         if self.effects.contains_key(name) {
             return Err(fault("there is an effect of this name already; choose another"));
         }

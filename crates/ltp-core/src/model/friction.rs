@@ -10,6 +10,7 @@
 use super::assemble::{Assembly, place};
 use super::graph::{Graph, Id, Symbol};
 use super::mass_matrix::solve;
+use super::program::Program;
 use crate::error::{Error, Result};
 
 /// What one dry element does.
@@ -140,7 +141,7 @@ pub fn forces(g: &mut Graph, a: &Assembly, base: usize, contacts: &[Contact], ac
 }
 
 /// `grad v . rates`.
-fn along(g: &mut Graph, v: Id, rates: &[Id]) -> Id {
+pub(super) fn along(g: &mut Graph, v: Id, rates: &[Id]) -> Id {
     let mut sum = g.constant(0.0);
     for (k, &rate) in rates.iter().enumerate() {
         let slope = g.derivative(&[v], Symbol::State(k))[0];
@@ -150,42 +151,88 @@ fn along(g: &mut Graph, v: Id, rates: &[Id]) -> Id {
     sum
 }
 
-/// The parts of a model with dry friction, separated: for integrators that treat friction in their own way.
+/// The parts of a mode with dry friction, separated: for integrators that treat friction in their own way.
 pub struct Parts {
     /// Rates without dry friction (nx).
-    pub flow: super::program::Program,
+    pub flow: Program,
     /// Change of the rates per unit of each friction force (elements, nx).
-    pub action: super::program::Program,
+    pub action: Program,
     /// Velocity of each element, its level, and the change of its velocity's rate per unit of its own force.
-    pub element: super::program::Program,
+    pub element: Program,
+    /// Rate of each element's velocity without friction, then its change per unit of each friction force
+    /// (elements, 1 + elements).
+    pub hold: Program,
     /// Measured quantities.
-    pub output: super::program::Program,
+    pub output: Program,
     /// Number of dry elements.
     pub elements: usize,
+}
+
+/// An event for integrators that treat friction in their own way: its guard depends on friction in proportion.
+pub struct EventParts {
+    /// Mode watched.
+    pub from: usize,
+    /// Mode entered.
+    pub to: usize,
+    /// Which crossing of zero fires.
+    pub direction: super::document::Direction,
+    /// Crossing function without friction, then its change per unit of each friction force (1 + elements).
+    pub guard: Program,
+    /// Additional condition, in the same form.
+    pub when: Option<Program>,
+    /// State after, from the state before (nx).
+    pub reset: Program,
 }
 
 /// Separates friction from the smooth rest in a mode of the document, for the plain evaluator.
 pub fn parts(a: &Assembly, base: usize) -> Parts {
     let mut g = a.graph.clone();
     let mode = &a.modes[base];
-    let zero = g.constant(0.0);
-    let without = |g: &mut Graph, ids: &[Id]| g.substitute(ids, |s| matches!(s, Symbol::Dry(_)).then_some(zero));
     let flow = without(&mut g, &mode.flow);
     let output = without(&mut g, &mode.outputs);
     let elements = a.dry_ports.len();
-    let (mut action, mut element) = (Vec::new(), Vec::new());
+    let slopes: Vec<Vec<Id>> = (0..elements).map(|i| g.derivative(&mode.flow, Symbol::Dry(i))).collect();
+    let (mut element, mut hold) = (Vec::new(), Vec::new());
     for (i, &port) in a.dry_ports.iter().enumerate() {
-        let slope = g.derivative(&mode.flow, Symbol::Dry(i));
         let velocity = mode.ports[port].1;
-        element.extend([velocity, mode.dry_level[i], along(&mut g, velocity, &slope)]);
-        action.extend(slope);
+        let drift = along(&mut g, velocity, &flow);
+        let vt = g.derivative(&[velocity], Symbol::Time)[0];
+        hold.push(g.add(drift, vt));
+        let coupling: Vec<Id> = slopes.iter().map(|slope| along(&mut g, velocity, slope)).collect();
+        element.extend([velocity, mode.dry_level[i], coupling[i]]);
+        hold.extend(coupling);
     }
-    let plain = super::program::Program::plain;
     Parts {
-        flow: plain(&g, &flow),
-        action: plain(&g, &action),
-        element: plain(&g, &element),
-        output: plain(&g, &output),
+        flow: Program::plain(&g, &flow),
+        action: Program::plain(&g, &slopes.concat()),
+        element: Program::plain(&g, &element),
+        hold: Program::plain(&g, &hold),
+        output: Program::plain(&g, &output),
         elements,
     }
+}
+
+/// The events of a model with friction set apart, for the plain evaluator, in the order of the document.
+pub fn event_parts(a: &Assembly) -> Vec<EventParts> {
+    let mut g = a.graph.clone();
+    let affine = |g: &mut Graph, id: Id| {
+        let mut all = without(g, &[id]);
+        all.extend((0..a.dry_ports.len()).map(|i| g.derivative(&[id], Symbol::Dry(i))[0]));
+        Program::plain(g, &all)
+    };
+    let mut out = Vec::new();
+    for e in &a.events {
+        let guard = affine(&mut g, e.guard);
+        let when = e.when.map(|w| affine(&mut g, w));
+        let reset = without(&mut g, &e.reset);
+        let reset = Program::plain(&g, &reset);
+        out.push(EventParts { from: e.from, to: e.to, direction: e.direction, guard, when, reset });
+    }
+    out
+}
+
+/// Expressions with every dry friction force zero.
+fn without(g: &mut Graph, ids: &[Id]) -> Vec<Id> {
+    let zero = g.constant(0.0);
+    g.substitute(ids, |s| matches!(s, Symbol::Dry(_)).then_some(zero))
 }

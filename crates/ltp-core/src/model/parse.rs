@@ -28,6 +28,19 @@ pub enum Ast {
     If(Box<[Ast; 3]>, usize),
 }
 
+impl Ast {
+    /// Whether a name occurs.
+    pub fn mentions(&self, word: &str) -> bool {
+        match self {
+            Self::Number(_) => false,
+            Self::Name(name, _) => name == word,
+            Self::One(_, a, _) => a.mentions(word),
+            Self::Two(_, a, b, _) => a.mentions(word) || b.mentions(word),
+            Self::If(three, _) => three.iter().any(|a| a.mentions(word)),
+        }
+    }
+}
+
 const ONE: [(&str, Fun1); 14] = [
     ("sin", Fun1::Sin),
     ("cos", Fun1::Cos),

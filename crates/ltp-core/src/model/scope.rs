@@ -5,25 +5,12 @@ use std::collections::HashMap;
 use indexmap::IndexMap;
 
 use super::assemble::{ParameterInfo, acts_in, check_name, place};
+use super::attach::{AttachedEffect, Place};
 use super::document::Document;
 use super::effects::Library;
 use super::graph::{Graph, Id, Symbol};
 use super::parse::{Ast, error_at, parse, suggestion};
-use super::units::Unit;
 use crate::error::{Error, Result, nearest};
-
-/// An effect attached to the model.
-#[derive(Clone, Debug)]
-pub struct AttachedEffect {
-    /// Name in the library.
-    pub name: String,
-    /// Port.
-    pub port: usize,
-    /// Parameter index by the effect's own name of it.
-    pub parameters: IndexMap<String, usize>,
-    /// State index by the effect's own name of it.
-    pub states: IndexMap<String, usize>,
-}
 
 /// A dry friction element.
 #[derive(Clone, Debug)]
@@ -47,7 +34,7 @@ pub struct Names {
     pub effects: Vec<AttachedEffect>,
     /// Dry friction elements, in the order of the effects.
     pub dry: Vec<DryElement>,
-    symbols: HashMap<String, Symbol>,
+    pub(super) symbols: HashMap<String, Symbol>,
 }
 
 impl Names {
@@ -110,65 +97,6 @@ impl Names {
         Ok(n)
     }
 
-    fn attach(&mut self, doc: &Document, library: &Library, source: &str) -> Result<()> {
-        for (k, attached) in doc.effects.iter().enumerate() {
-            let label = format!("{}@{}", attached.name, attached.at);
-            let path = place(source, &format!("effects[{label}]"));
-            let effect = library.get(&attached.name)?;
-            let port = doc.ports.get_index_of(&attached.at).ok_or_else(|| Error::UnknownName {
-                kind: "port".into(),
-                name: attached.at.clone(),
-                nearest: nearest(&attached.at, doc.ports.keys().map(String::as_str)),
-                context: path.clone(),
-            })?;
-            if doc.effects[..k].iter().any(|o| o.name == attached.name && o.at == attached.at) {
-                return Err(Error::Model { path, message: "this effect is attached twice to one port".into() });
-            }
-            let mut entry = AttachedEffect {
-                name: attached.name.clone(),
-                port,
-                parameters: IndexMap::new(),
-                states: IndexMap::new(),
-            };
-            if let Some(unknown) = attached.parameters.keys().find(|p| !effect.parameters.contains_key(*p)) {
-                return Err(Error::UnknownName {
-                    kind: "parameter".into(),
-                    name: unknown.clone(),
-                    nearest: nearest(unknown, effect.parameters.keys().map(String::as_str)),
-                    context: path,
-                });
-            }
-            for (name, p) in &effect.parameters {
-                let given = attached.parameters.get(name);
-                let unit = port_unit(&p.unit, doc, port, &path)?.to_string();
-                let (low, high) = (p.min.unwrap_or(f64::NEG_INFINITY), p.max.unwrap_or(f64::INFINITY));
-                if let Some(v) = given.map(|g| g.value).filter(|v| !(v.is_finite() && *v >= low && *v <= high)) {
-                    let message = format!("`{name}` = {v} is not within {low} .. {high} {unit}");
-                    return Err(Error::Model { path, message });
-                }
-                entry.parameters.insert(name.clone(), self.parameters.len());
-                self.parameters.push(ParameterInfo {
-                    name: format!("{label}.{name}"),
-                    value: given.map_or(0.0, |g| g.value),
-                    sd: given.and_then(|g| g.sd),
-                    unit: Some(unit),
-                    bounds: (p.min.unwrap_or(f64::NEG_INFINITY), p.max.unwrap_or(f64::INFINITY)),
-                    effect: Some(k),
-                });
-            }
-            for (name, s) in &effect.states {
-                entry.states.insert(name.clone(), self.states.len());
-                self.states.push(format!("{label}.{name}"));
-                self.initial.push(s.value);
-            }
-            if effect.dry.is_some() {
-                self.dry.push(DryElement { name: label, port });
-            }
-            self.effects.push(entry);
-        }
-        Ok(())
-    }
-
     /// Index of a state.
     ///
     /// # Errors
@@ -186,39 +114,6 @@ impl Names {
     }
 }
 
-/// Unit of an effect's quantity: a product of `force`, `position`, `velocity`, `time` of its port.
-pub fn port_unit(words: &str, doc: &Document, port: usize, path: &str) -> Result<Unit> {
-    let (_, p) = doc.ports.get_index(port).expect("port numbers come from the document");
-    let unit_of = |text: Option<&str>| text.map_or(Ok(Unit::one()), |t| Unit::parse(t, path));
-    let declared = |expression: &str| -> Option<&str> { doc.states.get(expression.trim())?.unit.as_deref() };
-    let mut result = Unit::one();
-    for (name, power) in super::effects::words(words) {
-        let second = Unit::parse("s", path)?;
-        let unit = match name {
-            "force" => unit_of(p.unit.as_deref())?,
-            "velocity" => match declared(&p.velocity) {
-                Some(u) => Unit::parse(u, path)?,
-                None => velocity_from_force(&unit_of(p.unit.as_deref())?),
-            },
-            "position" => match declared(&p.velocity) {
-                Some(u) => Unit::parse(u, path)?.times(&second, 1.0),
-                None => velocity_from_force(&unit_of(p.unit.as_deref())?).times(&second, 1.0),
-            },
-            "time" => second,
-            _ => Unit::one(),
-        };
-        result = result.times(&unit, power);
-    }
-    Ok(result)
-}
-
-/// Speed that goes with a generalised force: their product is a power.
-fn velocity_from_force(force: &Unit) -> Unit {
-    let newton = Unit::parse("N", "").map(|u| u.dimensions()).unwrap_or_default();
-    let text = if super::units::same(&force.dimensions(), &newton) { "m/s" } else { "rad/s" };
-    Unit::parse(text, "").unwrap_or_default()
-}
-
 /// Longest chain of signals that are defined by signals; a longer one is refused rather than overflow the stack.
 const CHAIN: usize = 100;
 
@@ -232,12 +127,14 @@ pub struct Scope<'a> {
     mode: &'a str,
     done: HashMap<String, Id>,
     open: Vec<String>,
+    /// What stands before each effect on an input, signal or parameter: its word `value`.
+    stood: HashMap<usize, Id>,
 }
 
 impl<'a> Scope<'a> {
     /// The scope of a mode.
     pub fn new(doc: &'a Document, names: &'a Names, source: &'a str, mode: &'a str) -> Self {
-        Self { names, source, doc, mode, done: HashMap::new(), open: Vec::new() }
+        Self { names, source, doc, mode, done: HashMap::new(), open: Vec::new(), stood: HashMap::new() }
     }
 
     /// An expression of the document.
@@ -250,22 +147,52 @@ impl<'a> Scope<'a> {
         self.build(g, &tree, &|_, _| None, text, &at)
     }
 
-    /// A law of an effect: its own parameters and states, and `position` and `velocity` of its port.
+    /// An expression of an effect: its own parameters and states, the words of its place, then the document's names.
     ///
     /// # Errors
     /// [`Error::Expression`].
-    pub fn law(&mut self, g: &mut Graph, text: &str, e: &AttachedEffect, port: (Id, Id), path: &str) -> Result<Id> {
-        let tree = parse(text, path)?;
-        let own = |g: &mut Graph, name: &str| match name {
-            "position" => Some(port.0),
-            "velocity" => Some(port.1),
-            _ => e
-                .parameters
-                .get(name)
-                .map(|&i| g.leaf(Symbol::Parameter(i)))
-                .or_else(|| e.states.get(name).map(|&i| g.leaf(Symbol::State(i)))),
+    pub fn law(
+        &mut self,
+        g: &mut Graph,
+        text: &str,
+        e: &AttachedEffect,
+        words: &[(&str, Id)],
+        key: &str,
+    ) -> Result<Id> {
+        let path = format!("effect `{}`, {key}", e.name);
+        let tree = parse(text, &path)?;
+        let own = |g: &mut Graph, name: &str| {
+            let word = words.iter().find(|(word, _)| *word == name).map(|(_, id)| *id);
+            word.or_else(|| e.parameters.get(name).map(|&i| g.leaf(Symbol::Parameter(i))))
+                .or_else(|| e.states.get(name).map(|&i| g.leaf(Symbol::State(i))))
         };
-        self.build(g, &tree, &own, text, path)
+        self.build(g, &tree, &own, text, &path)
+    }
+
+    /// An input, signal, parameter or output as its effects leave it, in the order of their attachment.
+    pub(super) fn changed(&mut self, g: &mut Graph, at: Place, mut value: Id) -> Result<Id> {
+        let names = self.names;
+        for (k, e) in names.effects.iter().enumerate().filter(|(_, e)| e.place == at) {
+            self.stood.insert(k, value);
+            if let Some(text) = &e.effect.law {
+                value = self.law(g, text, e, &[("value", value)], "law")?;
+            }
+        }
+        Ok(value)
+    }
+
+    /// What stands before an effect on an input, signal, parameter or output.
+    pub(super) fn before(&mut self, g: &mut Graph, effect: usize) -> Result<Id> {
+        let name = match self.names.effects[effect].place {
+            Place::Input(i) => self.doc.inputs.get_index(i).map(|(name, _)| name),
+            Place::Signal(i) => self.doc.signals.get_index(i).map(|(name, _)| name),
+            Place::Parameter(i) => self.doc.parameters.get_index(i).map(|(name, _)| name),
+            _ => None,
+        };
+        if let Some(name) = name {
+            self.expression(g, name, "effects")?; // nothing else may have asked for it yet
+        }
+        Ok(self.stood[&effect])
     }
 
     fn build(
@@ -299,6 +226,20 @@ impl<'a> Scope<'a> {
         })
     }
 
+    /// Opens a definition that may name others.
+    fn enter(&mut self, name: &str) -> std::result::Result<(), String> {
+        if let Some(first) = self.open.iter().position(|o| o == name) {
+            let mut ring = self.open[first..].to_vec();
+            ring.push(name.to_string());
+            return Err(format!("signals are defined in a circle: {}", ring.join(" -> ")));
+        }
+        if self.open.len() >= CHAIN {
+            return Err(format!("signals defined by signals, more than {CHAIN} deep; flatten them"));
+        }
+        self.open.push(name.to_string());
+        Ok(())
+    }
+
     fn name(&mut self, g: &mut Graph, name: &str, at: usize, text: &str, path: &str) -> Result<Id> {
         if name == "pi" {
             return Ok(g.constant(std::f64::consts::PI));
@@ -306,10 +247,23 @@ impl<'a> Scope<'a> {
         if name == "t" {
             return Ok(g.leaf(Symbol::Time));
         }
-        if let Some(&s) = self.names.symbols.get(name) {
-            return Ok(g.leaf(s));
-        }
         if let Some(&id) = self.done.get(name) {
+            return Ok(id);
+        }
+        if let Some(&s) = self.names.symbols.get(name) {
+            let leaf = g.leaf(s);
+            let place = match s {
+                Symbol::Input(i) => Place::Input(i),
+                Symbol::Parameter(i) => Place::Parameter(i),
+                _ => return Ok(leaf),
+            };
+            if self.names.effects.iter().all(|e| e.place != place) {
+                return Ok(leaf);
+            }
+            self.enter(name).map_err(|message| error_at(path, text, at, message))?;
+            let id = self.changed(g, place, leaf)?;
+            self.open.pop();
+            self.done.insert(name.to_string(), id);
             return Ok(id);
         }
         let Some(signal) = self.doc.signals.get(name) else {
@@ -324,21 +278,11 @@ impl<'a> Scope<'a> {
             let near = nearest(name, known);
             return Err(error_at(path, text, at, format!("unknown name `{name}`{}", suggestion(&near))));
         };
-        if let Some(first) = self.open.iter().position(|o| o == name) {
-            let mut ring = self.open[first..].to_vec();
-            ring.push(name.to_string());
-            return Err(error_at(path, text, at, format!("signals are defined in a circle: {}", ring.join(" -> "))));
-        }
-        if self.open.len() >= CHAIN {
-            return Err(error_at(
-                path,
-                text,
-                at,
-                format!("signals defined by signals, more than {CHAIN} deep; flatten them"),
-            ));
-        }
-        self.open.push(name.to_string());
-        let mut id = self.expression(g, signal.expression(), &format!("signals.{name}"))?;
+        let number = self.doc.signals.get_index_of(name).unwrap_or(0);
+        self.enter(name).map_err(|message| error_at(path, text, at, message))?;
+        let id = self.expression(g, signal.expression(), &format!("signals.{name}"))?;
+        // An effect acts on what the document says; what ports add comes on top of that.
+        let mut id = self.changed(g, Place::Signal(number), id)?;
         for (j, (port_name, port)) in self.doc.ports.iter().enumerate() {
             let path = format!("ports.{port_name}.acts");
             for (target, factor) in acts_in(&port.acts, self.mode, self.doc, &place(self.source, &path))? {

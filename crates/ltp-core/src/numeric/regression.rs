@@ -29,6 +29,17 @@ pub fn explained(y: &[f64], columns: &[Vec<f64>], blocks: usize) -> f64 {
     shifted(y, &columns, &[], 0, blocks)
 }
 
+/// What a linear combination of `columns` and a constant leaves of `y` `(n,)`; `y` itself where they cannot be told apart.
+pub fn residual(y: &[f64], columns: &[Vec<f64>]) -> Vec<f64> {
+    let row = |i: usize| -> Vec<f64> { std::iter::once(1.0).chain(columns.iter().map(|c| c[i])).collect() };
+    let mut rows = RowQr::new(1 + columns.len());
+    for (i, y) in y.iter().enumerate() {
+        rows.push(&row(i), -y);
+    }
+    let Some(fit) = rows.minimiser() else { return y.to_vec() };
+    y.iter().enumerate().map(|(i, y)| y - row(i).iter().zip(fit.iter()).map(|(a, b)| a * b).sum::<f64>()).collect()
+}
+
 /// Probability that `columns`, beside `base`, explain as much of `y` as they do by chance: the p-value of circular
 /// shifts.
 ///

@@ -118,8 +118,10 @@ pub fn simulate(system: &dyn System, parameters: &[f64], inputs: &Inputs, plan: 
     shape("inputs", system.inputs(), inputs.count())?;
     let x0 = plan.initial_state.clone().unwrap_or_else(|| system.initial_state());
     shape("initial state", system.states(), x0.len())?;
-    for (what, values) in [("initial state", x0.as_slice()), ("parameters", parameters)] {
-        if let Some(row) = values.iter().position(|v| !v.is_finite()) {
+    // A parameter may be infinite: a limit that is never reached.
+    let sound = [("initial state", x0.as_slice(), false), ("parameters", parameters, true)];
+    for (what, values, endless) in sound {
+        if let Some(row) = values.iter().position(|v| v.is_nan() || (v.is_infinite() && !endless)) {
             return Err(Error::NotFinite { what: what.into(), row, column: what.into(), value: values[row] });
         }
     }

@@ -3,10 +3,11 @@
 
 use indexmap::IndexMap;
 
-use super::super::candidates::{full, short};
 use super::super::experiment::{Control, Experiment, Run};
 use super::super::fit::Ground;
+use super::super::fit::full;
 use super::super::prepare;
+use super::super::trial::short;
 use super::geometry::{basis, distance, remove};
 use super::variation::Start;
 use super::{Size, sizes};

@@ -3,12 +3,11 @@
 
 use std::sync::atomic::AtomicBool;
 
-use super::super::candidates::priors;
 use super::super::experiment::{Control, Experiment, Run};
 use super::super::fit::{self, Effort, Ground, Point, Subject};
 use super::super::words::number;
 use crate::error::{Error, Result};
-use crate::model::{self, Compiled, Model, System};
+use crate::model::{self, Backend, Compiled, Model, System};
 use crate::numeric::stats;
 use crate::simulate::{Hold, Inputs};
 
@@ -49,10 +48,11 @@ fn mistaken(unit: &str) -> Vec<(f64, String)> {
 }
 
 /// Looks for one column in a wrong unit.
-pub fn check(model: &Model, system: &Compiled, train: &[Experiment]) -> Result<()> {
+pub fn check(model: &Model, train: &[Experiment]) -> Result<()> {
+    let system = &model.compile_for(Vec::new(), Backend::Native);
     let Some(e) = train.iter().max_by(|a, b| energy(a).total_cmp(&energy(b))) else { return Ok(()) };
     let short = e.part(0, e.len().min(STRETCH));
-    let Some(error) = error(model, system, &short)? else { return Ok(()) };
+    let Some(error) = error(system, &short)? else { return Ok(()) };
     if error < ASTRAY {
         return Ok(());
     }
@@ -72,7 +72,7 @@ pub fn check(model: &Model, system: &Compiled, train: &[Experiment]) -> Result<(
     let mut best: Option<(f64, &Guess)> = None;
     for guess in &guesses {
         // What ranges over so little in the model's own unit that the guess would be absurd still fails by its error.
-        let Some(found) = self::error(model, system, &guess.corrected(&short)?)? else { continue };
+        let Some(found) = self::error(system, &guess.corrected(&short)?)? else { continue };
         if best.is_none_or(|(b, _)| found < b) {
             best = Some((found, guess));
         }
@@ -126,7 +126,7 @@ fn energy(e: &Experiment) -> f64 {
 
 /// Error over motion of the worst output when the stated model runs freely from the best initial state; infinite where it
 /// cannot, `None` where there is nothing to compare.
-fn error(model: &Model, system: &Compiled, e: &Experiment) -> Result<Option<f64>> {
+fn error(system: &Compiled, e: &Experiment) -> Result<Option<f64>> {
     let cancelled = AtomicBool::new(false);
     let control = Control { cancelled: &cancelled, progress: &|_, _| {} };
     let spread: Vec<f64> = (0..e.outputs()).map(|j| stats::std(e.output(j))).collect();
@@ -138,8 +138,9 @@ fn error(model: &Model, system: &Compiled, e: &Experiment) -> Result<Option<f64>
     let size = sigma.iter().copied().fold(0.0, f64::max).max(start.iter().fold(0.0, |m: f64, v| m.max(v.abs())));
     // States that are not seen may be far from the document's: a wide prior, and faster motion for faster sampling.
     let scale = vec![size.max(1e-9) * (1.0 + 1.0 / (20.0 * e.dt)); start.len()];
-    let priors = priors(model, system, None)?;
-    let subject = Subject { system, priors: &priors, moves: false };
+    // Parameters stay as stated: only the initial state is fitted.
+    let p = system.parameters();
+    let subject = Subject { system, priors: &[], still: Some(p), extra: &[] };
     let ground = Ground {
         experiments: std::slice::from_ref(e),
         sigma: &sigma,
@@ -147,12 +148,10 @@ fn error(model: &Model, system: &Compiled, e: &Experiment) -> Result<Option<f64>
         state_scale: &scale,
         control: &control,
     };
-    let theta = priors.iter().map(|p| p.mean).collect();
-    let from = Point { theta, x0: vec![start.clone()] };
+    let from = Point { theta: Vec::new(), x0: vec![start.clone()] };
     let Some(fitted) = fit::stage(&subject, ground, &from, &[start], None, EFFORT) else {
         return Ok(Some(f64::INFINITY));
     };
-    let p = system.parameters();
     let run = Run { system, p, x0: &fitted.point.x0[0], experiment: e, substeps: 1, observer: None, control: &control };
     let Some(y) = run.outputs() else { return Ok(Some(f64::INFINITY)) };
     let ny = e.outputs();

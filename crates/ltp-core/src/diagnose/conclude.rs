@@ -1,0 +1,206 @@
+//! The verdict: what the search came to, held against the noise, put into the noun.
+
+use std::time::Instant;
+
+use super::fit::full;
+use super::forward::{self, Explained};
+use super::locate::{self, Located};
+use super::prepare::Scene;
+use super::result::{self, Diagnosis, Location, ParameterReport, Verdict};
+use super::trial::{Bench, Trial, starts};
+use super::{report, unknown, words};
+use crate::error::Result;
+use crate::model::{Model, System};
+
+/// Remaining error, in noise floors, that no verdict may call explained.
+const FAR: f64 = 10.0;
+/// Gain in log-likelihood of a missing force that is beyond doubt.
+const DECISIVE: f64 = 50.0;
+/// Deviation of a parameter from its stated value, in its stated uncertainty, that makes a verdict.
+const MOVED: f64 = 3.0;
+
+/// Everything the conclusion draws on.
+pub struct Case<'a> {
+    /// The model as stated.
+    pub model: &'a Model,
+    /// Records with what their fits share.
+    pub bench: &'a Bench<'a>,
+    /// Sizes, speeds, noise.
+    pub scene: &'a Scene,
+    /// What the search came to.
+    pub explained: Explained,
+    /// Where a missing force explains best what the nominal model leaves.
+    pub located: Option<Located>,
+    /// Doubts so far.
+    pub warnings: Vec<String>,
+    /// Start of the work.
+    pub clock: Instant,
+}
+
+/// Concludes.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
+    let Case { model, bench, explained, located, mut warnings, .. } = case;
+    let (nominal, after) = (&explained.nominal, explained.last());
+    let found = explained.found();
+    let parameters = report::parameters(nominal, after);
+    let away = |p: &ParameterReport| (p.after - p.nominal).abs() / p.nominal_sd.hypot(p.sd);
+    let moved: Vec<(String, f64)> =
+        parameters.iter().map(|(n, p)| (n.clone(), away(p))).filter(|(_, s)| *s > MOVED).collect();
+    let near: Vec<String> = explained
+        .rounds
+        .iter()
+        .filter(|r| r.accepted.is_some())
+        .flat_map(|r| r.near.iter().map(|&i| alternative(&r.trials[i], r.onto.len())))
+        .collect();
+    let law = match (&located, found) {
+        (Some(l), false) => unknown::law(l, nominal),
+        _ => None,
+    };
+    let (records, fit) = tables(model, bench, &explained)?;
+    // Far above the noise, and a force at a port would explain it: that is neither consistent nor a parameter.
+    let unexplained = words::remaining(&fit) > FAR && located.as_ref().is_some_and(|l| l.gain > DECISIVE);
+    let verdict = match found {
+        true if !near.is_empty() => Verdict::Ambiguous,
+        true => Verdict::Effect,
+        false if law.is_some() || unexplained => Verdict::Unknown,
+        false if !moved.is_empty() => Verdict::Parameter,
+        false => Verdict::Consistent,
+    };
+    doubts(&explained, &fit, &mut warnings);
+
+    // With effects named, their force is what the nominal equations miss when nothing else has to make up for it.
+    let port = after.made.effects.iter().find(|(_, at)| model.ports().contains(&at.as_str()));
+    let forces = match port {
+        Some((_, port)) => {
+            let p = full(&nominal.made.system, &after.fit.point.theta[..nominal.made.priors.len()]);
+            locate::missing(bench, case.scene, &p, port)?
+        }
+        None => located.as_ref().map_or(Vec::new(), |l| l.forces.clone()),
+    };
+    let drawn = if found { report::law(after, &forces)? } else { law.clone() };
+    let silent = matches!(verdict, Verdict::Consistent | Verdict::Parameter);
+    let absorbed = report::absorbed(nominal, after, &parameters);
+    let mut diagnosis = Diagnosis {
+        model_name: model.name().to_string(),
+        verdict,
+        sentence: String::new(),
+        location: if silent { Vec::new() } else { places(model, after, located) },
+        effects: report::effects(after, &explained.shares),
+        ambiguous_with: near,
+        candidates: report::candidates(&explained),
+        parameters,
+        absorbed,
+        separate: Vec::new(),
+        fit,
+        model: report::augmented(after)?.to_toml()?,
+        law,
+        warnings,
+        seconds: 0.0,
+        traces: result::Traces { records, force: forces, law: drawn },
+    };
+    diagnosis.sentence = words::sentence(&diagnosis, &moved);
+    diagnosis.seconds = case.clock.elapsed().as_secs_f64();
+    (bench.train.control.progress)("done", 1.0);
+    Ok(diagnosis)
+}
+
+/// `effect@place` of what a trial added beyond the hypothesis of its round.
+fn alternative(t: &Trial, onto: usize) -> String {
+    super::trial::label(&t.made.effects[onto.min(t.made.effects.len())..])
+}
+
+/// Where the named effects act, or where a missing force was located.
+fn places(model: &Model, after: &Trial, located: Option<Located>) -> Vec<Location> {
+    let found = located.map(|l| l.location);
+    if after.made.effects.is_empty() {
+        return found.into_iter().collect();
+    }
+    let library = after.made.model.library();
+    after
+        .made
+        .effects
+        .iter()
+        .map(|(name, at)| {
+            let kind = library.get(name).map_or_else(|_| "port".into(), |e| e.on.clone());
+            match &found {
+                Some(l) if l.kind == kind && l.at == *at => l.clone(),
+                _ => Location {
+                    kind,
+                    at: at.clone(),
+                    mode: None,
+                    variable: String::new(),
+                    phases: Vec::new(),
+                    p_value: 1.0,
+                    margin: 0.0,
+                    sentence: format!("at `{at}` of `{}`", model.name()),
+                },
+            }
+        })
+        .collect()
+}
+
+/// Traces and errors of all records: as stated, refitted, and with what was named.
+fn tables(model: &Model, bench: &Bench<'_>, e: &Explained) -> Result<(Vec<result::RecordTrace>, result::FitReport)> {
+    let nominal = &e.nominal;
+    let stated: Vec<f64> = nominal.made.priors.iter().map(|p| p.mean).collect();
+    let p = full(&nominal.made.system, &stated);
+    let begin = |ground, start, ties| starts(model, &[], &p, ground, start, ties, None);
+    let stated_train = begin(bench.train, bench.train_start, &bench.train_ties[1]);
+    let stated_test = begin(bench.test, bench.test_start, bench.test_ties);
+    let point = |t: &'_ Trial| t.parameters();
+    let mut points = vec![
+        report::Point { system: &nominal.made.system, p: p.clone(), train: &stated_train, test: &stated_test },
+        report::Point {
+            system: &nominal.made.system,
+            p: point(nominal),
+            train: &nominal.fit.point.x0,
+            test: &nominal.test_x0,
+        },
+    ];
+    let last = e.last();
+    if e.found() {
+        let (train, test) = (&last.fit.point.x0, &last.test_x0);
+        points.push(report::Point { system: &last.made.system, p: point(last), train, test });
+    }
+    bench.train.control.check()?;
+    Ok(report::fits(model, bench.train, bench.test, &points))
+}
+
+/// Doubts that a reader must know of.
+fn doubts(e: &Explained, fit: &result::FitReport, warnings: &mut Vec<String>) {
+    let after = e.last();
+    for row in &fit.train {
+        let left = row.after.unwrap_or(0.0) / row.floor.max(f64::MIN_POSITIVE);
+        if left > words::DOUBTFUL {
+            warnings.push(format!(
+                "{} of `{}`: the remaining error is {} times the noise floor; something smaller is still unexplained, and \
+                 intervals are widened accordingly",
+                row.output,
+                row.record,
+                words::number(left)
+            ));
+        }
+    }
+    let free = after.made.system.free();
+    for ((&i, v), prior) in free.iter().zip(&after.fit.point.theta).zip(&after.made.priors) {
+        if *v <= prior.bounds.0 || *v >= prior.bounds.1 {
+            let name = &after.made.model.parameters()[i].name;
+            warnings.push(format!(
+                "parameter `{name}` ended on its bound {}: widen it or doubt the model",
+                words::number(*v)
+            ));
+        }
+    }
+    let lost: Vec<String> = e
+        .rounds
+        .iter()
+        .flat_map(|r| r.trials.iter().filter(|t| !t.fit.converged))
+        .map(|t| forward::spoken(&t.made.effects))
+        .collect();
+    if !lost.is_empty() {
+        warnings.push(format!("not converged, so that its rank may be too low: {}", lost.join(", ")));
+    }
+}

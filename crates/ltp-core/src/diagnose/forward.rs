@@ -1,0 +1,261 @@
+//! From the nominal model to what explains the recordings: effects are added one at a time while each is accepted on its own
+//! evidence, two at once where neither is needed without the other, and every earlier one is taken out again for trial.
+
+use rayon::prelude::*;
+
+use super::candidates::Place;
+use super::fit::{FINE, Point, stage};
+use super::judge::{self, Evidence, Halves, Ranking};
+use super::search::{Aside, Found, Pair, search};
+use super::trial::{Attachment, Bench, Made, Trial, finish, label};
+use crate::error::Result;
+use crate::model::System;
+
+/// Effects at most.
+const MOST: usize = 3;
+/// Mean square residual in units of noise up to which nothing is left to explain.
+const EXPLAINED: f64 = 1.10;
+/// Share of the nominal structural error that a further effect must remove.
+const WORTHWHILE: f64 = 0.02;
+/// Pairs that are tried where no single effect is accepted.
+const PAIRS: usize = 4;
+
+/// One round of the search: what was added to the hypothesis so far, and what else was tried.
+pub struct Round {
+    /// Hypothesis to which candidates were added.
+    pub onto: Vec<Attachment>,
+    /// All candidates of the round that were fitted to the end.
+    pub trials: Vec<Trial>,
+    /// The others.
+    pub aside: Vec<Aside>,
+    /// Their ranking.
+    pub ranking: Ranking,
+    /// The best, if it was accepted.
+    pub accepted: Option<usize>,
+    /// What spoke for the best.
+    pub evidence: Option<Evidence>,
+    /// What the recordings cannot tell from the accepted one.
+    pub near: Vec<usize>,
+}
+
+/// What the search came to.
+pub struct Explained {
+    /// The nominal model.
+    pub nominal: Trial,
+    /// Rounds in order.
+    pub rounds: Vec<Round>,
+    /// The last hypothesis after pruning; `None` where it is the accepted trial of the last round.
+    pub pruned: Option<Trial>,
+    /// Gain of each effect's share, in the order of the last hypothesis.
+    pub shares: Vec<f64>,
+}
+
+impl Explained {
+    /// The hypothesis that was accepted last, the nominal model where none was.
+    pub fn last(&self) -> &Trial {
+        if let Some(t) = &self.pruned {
+            return t;
+        }
+        let accepted = self.rounds.iter().rev().find_map(|r| r.accepted.map(|i| &r.trials[i]));
+        accepted.unwrap_or(&self.nominal)
+    }
+
+    /// Whether any effect was accepted.
+    pub fn found(&self) -> bool {
+        !self.last().made.effects.is_empty()
+    }
+}
+
+/// Mean square of the train residuals, in units of noise.
+pub fn left(t: &Trial, outputs: usize) -> f64 {
+    let r = &t.residuals;
+    let (s, n) = (0..outputs).map(|j| r.energy(&r.train, j)).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    if n > 0.0 { s / n } else { 1.0 }
+}
+
+/// Explains the recordings as far as the library goes.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`], and what attaching an effect may say.
+pub fn explain(
+    bench: &Bench<'_>,
+    nominal: Trial,
+    jobs: &[(String, Place)],
+    halves: Option<&Halves>,
+    warnings: &mut Vec<String>,
+) -> Result<Explained> {
+    let mut out = Explained { nominal, rounds: Vec::new(), pruned: None, shares: Vec::new() };
+    let outputs = bench.train.sigma.len();
+    let original = out.nominal.residuals.structural(&out.nominal.residuals.train);
+    for round in 0..MOST {
+        let onto = out.last().made.effects.clone();
+        let open: Vec<(String, Place)> =
+            jobs.iter().filter(|(n, p)| !onto.iter().any(|(e, at)| e == n && *at == p.at)).cloned().collect();
+        let share = if round == 0 { (0.2, 0.75) } else { (0.75, 0.9) };
+        let found = search(bench, out.last(), &open, share)?;
+        let mut next = judged(bench, out.last(), found, onto, halves, open.len())?;
+        if next.round.accepted.is_none() && round == 0 {
+            let hope = left(out.last(), outputs) > EXPLAINED;
+            if let Some(pair) = if hope { both(bench, out.last(), &open, &next, halves)? } else { None } {
+                next.round = pair;
+            }
+        }
+        let (accepted, evidence) = (next.round.accepted, next.round.evidence);
+        if let (Some(w), Some(e), None) = (next.winner, evidence, accepted) {
+            let told = if round == 0 { e.refusal(&next.round.trials[w].label()) } else { None };
+            warnings.extend(told);
+        }
+        let before = out.last().residuals.structural(&out.last().residuals.train);
+        let worth = accepted.is_some_and(|i| {
+            let r = &next.round.trials[i].residuals;
+            round == 0 || before - r.structural(&r.train) > WORTHWHILE * original
+        });
+        if !worth {
+            next.round.accepted = None;
+            if round == 0 {
+                out.rounds.push(next.round);
+            }
+            break;
+        }
+        out.rounds.push(next.round);
+        out.pruned = None;
+        if let Some(simpler) = pruned(bench, out.last())? {
+            out.pruned = Some(simpler);
+        }
+        if left(out.last(), outputs) <= EXPLAINED {
+            break;
+        }
+    }
+    out.shares = shares(bench, &out)?;
+    Ok(out)
+}
+
+/// A round with the candidate that came out best.
+struct Judged {
+    round: Round,
+    winner: Option<usize>,
+    pairs: Vec<Pair>,
+}
+
+fn judged(
+    bench: &Bench<'_>,
+    base: &Trial,
+    found: Found,
+    onto: Vec<Attachment>,
+    halves: Option<&Halves>,
+    tried: usize,
+) -> Result<Judged> {
+    let Found { trials, aside, pairs } = found;
+    let ranking = judge::rank(base, &trials);
+    let winner = ranking.winner(&trials);
+    let evidence = match winner {
+        Some(w) => Some(judge::weigh(bench, base, &trials[w], halves, tried)?),
+        None => None,
+    };
+    let accepted = winner.filter(|_| evidence.is_some_and(|e| e.accepted()));
+    let near = accepted.map_or(Vec::new(), |w| ranking.ambiguous(&trials, w));
+    Ok(Judged { round: Round { onto, trials, aside, ranking, accepted, evidence, near }, winner, pairs })
+}
+
+/// Two effects at once: the pairs that promise most beyond their better half, fitted one on top of the other.
+fn both(
+    bench: &Bench<'_>,
+    base: &Trial,
+    jobs: &[(String, Place)],
+    single: &Judged,
+    halves: Option<&Halves>,
+) -> Result<Option<Round>> {
+    let mut hopeful: Vec<&Pair> =
+        single.pairs.iter().filter(|p| p.together - p.alone > 0.1 * p.together && p.together > judge::APART).collect();
+    hopeful.truncate(PAIRS);
+    let job = |a: &Attachment| jobs.iter().find(|(n, p)| *n == a.0 && p.at == a.1).cloned();
+    let fitted: Vec<Vec<Trial>> = hopeful
+        .par_iter()
+        .map(|pair| -> Result<Vec<Trial>> {
+            let [Some(first), Some(second)] = [job(&pair.effects[0]), job(&pair.effects[1])] else {
+                return Ok(Vec::new());
+            };
+            let one = search(bench, base, &[first], (0.75, 0.75))?;
+            let Some(a) = one.trials.into_iter().next() else { return Ok(Vec::new()) };
+            Ok(search(bench, &a, &[second], (0.75, 0.75))?.trials)
+        })
+        .collect::<Result<_>>()?;
+    let trials: Vec<Trial> = fitted.into_iter().flatten().collect();
+    if trials.is_empty() {
+        return Ok(None);
+    }
+    let ranking = judge::rank(base, &trials);
+    let Some(best) = ranking.order.iter().find_map(|(i, _)| *i) else { return Ok(None) };
+    let evidence = judge::weigh(bench, base, &trials[best], halves, jobs.len() * jobs.len() / 2)?;
+    if !evidence.accepted() {
+        return Ok(None);
+    }
+    let near = ranking.ambiguous(&trials, best);
+    let onto = base.made.effects.clone();
+    Ok(Some(Round { onto, trials, aside: Vec::new(), ranking, accepted: Some(best), evidence: Some(evidence), near }))
+}
+
+/// The hypothesis without one of its earlier effects, where the recordings do not miss it.
+fn pruned(bench: &Bench<'_>, full_set: &Trial) -> Result<Option<Trial>> {
+    let n = full_set.made.effects.len();
+    for k in 0..n.saturating_sub(1) {
+        let Some(less) = without(bench, full_set, k)? else { continue };
+        let pair = [less];
+        let ranking = judge::rank(full_set, &pair);
+        let score = |who: Option<usize>| ranking.order.iter().find(|(i, _)| *i == who).map_or(f64::INFINITY, |o| o.1);
+        if score(Some(0)) - score(None) < judge::APART {
+            let [less] = pair;
+            return Ok(Some(less));
+        }
+    }
+    Ok(None)
+}
+
+/// A hypothesis refitted without its `k`-th effect, from where it stood.
+fn without(bench: &Bench<'_>, t: &Trial, k: usize) -> Result<Option<Trial>> {
+    let mut document = t.made.model.document().clone();
+    let first = document.effects.len() - t.made.effects.len();
+    document.effects.remove(first + k);
+    let model = crate::model::Model::new(document, t.made.model.library().clone(), "")?;
+    let gone: Vec<usize> = t.made.own(k).into_iter().map(|(i, _)| i).collect();
+    let system = model.compile();
+    if system.states() != t.made.system.states() {
+        return Ok(None);
+    }
+    let keep = |i: &usize| !gone.contains(i);
+    let all: Vec<usize> = (0..t.made.priors.len()).filter(keep).collect();
+    let mut effects = t.made.effects.clone();
+    effects.remove(k);
+    let made = Made {
+        effects,
+        model,
+        system,
+        priors: all.iter().map(|i| t.made.priors[*i]).collect(),
+        extra: t.made.extra.clone(),
+    };
+    let from = Point { theta: all.iter().map(|i| t.fit.point.theta[*i]).collect(), x0: t.fit.point.x0.clone() };
+    let fit = stage(&made.subject(), bench.train, &from, bench.train_start, None, FINE);
+    fit.map(|f| finish(bench, made, f, &t.test_x0)).transpose()
+}
+
+/// Share of the nominal structural error that each effect of the last hypothesis removes: what returns when it is set to
+/// nothing and everything else stays.
+fn shares(bench: &Bench<'_>, e: &Explained) -> Result<Vec<f64>> {
+    let last = e.last();
+    let energy = |t: &Trial| t.residuals.structural(&t.residuals.train);
+    let (all, none) = (energy(last), energy(&e.nominal));
+    let n = last.made.effects.len();
+    if n <= 1 {
+        return Ok(vec![if none > 0.0 { ((none - all) / none).clamp(-9.0, 1.0) } else { 0.0 }; n]);
+    }
+    let each = (0..n).map(|k| {
+        let less = without(bench, last, k)?;
+        Ok(less.map_or(0.0, |l| if none > 0.0 { ((energy(&l) - all) / none).clamp(-9.0, 9.0) } else { 0.0 }))
+    });
+    each.collect()
+}
+
+/// What stands for a hypothesis in a message.
+pub fn spoken(effects: &[Attachment]) -> String {
+    label(effects)
+}

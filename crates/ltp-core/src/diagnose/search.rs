@@ -1,0 +1,340 @@
+//! The search over candidates by successive halving: all get a few steps from where the linearised test points, those that
+//! may win go on, the last few are fitted as far as the data go and from other starts too, and predict the held-out records.
+//!
+//! What was set aside is reported with how far it had come, so that nobody takes it for a fit. Every step is a fixed amount of
+//! work per candidate, so that the result does not depend on the number of threads.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use indexmap::IndexMap;
+use rayon::prelude::*;
+
+use super::candidates::{Candidate, Place, inherited};
+use super::fit::{Effort, FINE, Fitted, Point, cost, homotopy, stage};
+use super::screen::{Finding, Screen, joined};
+use super::trial::{Attachment, Bench, Trial, descend, finish};
+use crate::error::Result;
+
+/// First steps of every candidate.
+const FIRST: Effort = Effort { iterations: 5, ftol: 1e-3 };
+/// Further steps of those that may win.
+const SECOND: Effort = Effort { iterations: 12, ftol: 1e-4 };
+/// Ways of looking at a candidate that are followed.
+const FOLLOWED: usize = 2;
+/// Candidates that go on after the first steps, and after the second.
+const LEADERS: usize = 12;
+const FINALISTS: usize = 6;
+/// Distance in cost within which a candidate goes on in any case, and the share of the best one's gain.
+const NEAR: [(f64, f64); 2] = [(40.0, 0.3), (30.0, 0.05)];
+/// Mean square residual in units of noise above which finalists are looked for from every start.
+const ROUGH_LEFT: f64 = 1.3;
+/// Relative difference of cost below which two fits ended in the same valley.
+const AGREE: f64 = 1e-3;
+
+/// What became of all candidates.
+pub struct Found {
+    /// Fitted as far as the data go.
+    pub trials: Vec<Trial>,
+    /// The others.
+    pub aside: Vec<Aside>,
+    /// Linearised gain of every pair worth a look, best first: two effects that are needed together.
+    pub pairs: Vec<Pair>,
+}
+
+/// A candidate that was not fitted to the end.
+pub struct Aside {
+    /// Effect and place.
+    pub effect: Attachment,
+    /// Why.
+    pub why: Why,
+    /// Cost where it was left.
+    pub cost: Option<f64>,
+    /// Its own parameters there.
+    pub parameters: IndexMap<String, f64>,
+}
+
+/// Why a candidate was not fitted to the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Why {
+    /// What is fitted already can do the same.
+    Imitated,
+    /// Others fit far better.
+    Behind,
+    /// It changes nothing along these recordings, or could not be simulated along them.
+    Nothing,
+}
+
+/// Two effects and what they promise together.
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// Effects with their places.
+    pub effects: [Attachment; 2],
+    /// Linearised gain of both.
+    pub together: f64,
+    /// Larger of their single gains.
+    pub alone: f64,
+}
+
+/// A candidate on its way.
+struct Runner {
+    candidate: Candidate,
+    findings: Vec<Finding>,
+    fit: Option<Fitted>,
+    imitated: bool,
+}
+
+/// Adds every effect at every place to a fitted hypothesis.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`], and what attaching an effect may say.
+pub fn search(bench: &Bench<'_>, base: &Trial, jobs: &[(String, Place)], share: (f64, f64)) -> Result<Found> {
+    let Some(screen) = Screen::new(bench, base) else {
+        return Ok(Found { trials: Vec::new(), aside: Vec::new(), pairs: Vec::new() });
+    };
+    let done = AtomicUsize::new(0);
+    let tell = |label: &str, part: f64| {
+        let n = done.fetch_add(1, Ordering::Relaxed) as f64 / (2 * jobs.len() + FINALISTS).max(1) as f64;
+        (bench.train.control.progress)(label, share.0 + (share.1 - share.0) * n.min(1.0) * part);
+    };
+    let step = bench.train.experiments[0].dt / bench.train.substeps as f64;
+    let mut runners: Vec<Runner> = jobs
+        .par_iter()
+        .map(|(name, place)| {
+            bench.train.control.check()?;
+            tell(&format!("{name}@{}", place.at), 1.0);
+            Runner::new(&screen, Candidate::new(base, name, place, step)?)
+        })
+        .collect::<Result<_>>()?;
+    let pairs = pairs(&screen, &runners);
+
+    runners.par_iter_mut().try_for_each(|r| r.first(bench))?;
+    // A richer law goes on from the simpler one that it contains.
+    let simple: IndexMap<Attachment, (Point, IndexMap<String, f64>)> =
+        runners.iter().filter_map(|r| Some((r.newest(), (r.base_point()?, r.own_parameters())))).collect();
+    runners.par_iter_mut().filter(|r| r.candidate.extends.is_some()).try_for_each(|r| r.inherit(bench, &simple))?;
+
+    let zero = base.fit.cost;
+    let mut alive = best(&runners, zero, NEAR[0], LEADERS);
+    chosen(&mut runners, &alive).into_par_iter().try_for_each(|r| {
+        tell(&r.candidate.label(), 1.0);
+        r.more(bench, SECOND)
+    })?;
+    alive = best(&runners, zero, NEAR[1], FINALISTS);
+    let samples: f64 = screen_samples(bench);
+    let lowest = runners.iter().filter_map(Runner::cost).fold(f64::INFINITY, f64::min);
+    let everywhere = lowest > ROUGH_LEFT * samples;
+    if everywhere {
+        alive = best(&runners, zero, NEAR[0], LEADERS);
+    }
+    chosen(&mut runners, &alive).into_par_iter().try_for_each(|r| {
+        tell(&r.candidate.label(), 1.0);
+        r.last(bench, base, everywhere)
+    })?;
+    alive = best(&runners, zero, NEAR[1], FINALISTS);
+
+    let mut found = Found { trials: Vec::new(), aside: Vec::new(), pairs };
+    let (mut last, mut others) = (Vec::new(), Vec::new());
+    for (i, r) in runners.into_iter().enumerate() {
+        if alive.contains(&i) { last.push(r) } else { others.push(r) }
+    }
+    found.aside = others.into_iter().map(Runner::aside).collect();
+    let trials = last.into_par_iter().map(|r| {
+        let Some(fit) = r.fit else { return Ok(None) };
+        finish(bench, r.candidate.made, fit, &base.test_x0).map(Some)
+    });
+    found.trials = trials.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect();
+    Ok(found)
+}
+
+/// Number of measured samples.
+fn screen_samples(bench: &Bench<'_>) -> f64 {
+    bench.train.experiments.iter().map(|e| e.y.iter().filter(|v| v.is_finite()).count() as f64).sum()
+}
+
+/// The runners that go on: those near the best and the first few, with the simpler laws that they contain.
+fn best(runners: &[Runner], zero: f64, near: (f64, f64), few: usize) -> Vec<usize> {
+    let mut order: Vec<(usize, f64)> = runners.iter().enumerate().filter_map(|(i, r)| Some((i, r.cost()?))).collect();
+    order.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let Some(&(_, lowest)) = order.first() else { return Vec::new() };
+    let window = near.0 + near.1 * (zero - lowest).max(0.0);
+    let mut out: Vec<usize> = order
+        .iter()
+        .enumerate()
+        .filter(|(rank, (_, c))| *rank < 3 || (*rank < few && c - lowest <= window))
+        .map(|(_, (i, _))| *i)
+        .collect();
+    for i in out.clone() {
+        let (name, at) = runners[i].newest();
+        let contained = runners[i].candidate.extends.as_ref();
+        let contains = |r: &Runner| r.candidate.extends.as_ref() == Some(&name) && r.newest().1 == at;
+        let family = runners
+            .iter()
+            .enumerate()
+            .filter(|(_, r)| contains(r) || contained.is_some_and(|c| r.newest() == (c.clone(), at.clone())));
+        out.extend(family.filter(|(_, r)| r.cost().is_some()).map(|(k, _)| k));
+    }
+    out.sort_unstable();
+    out.dedup();
+    out
+}
+
+fn chosen<'r>(runners: &'r mut [Runner], which: &[usize]) -> Vec<&'r mut Runner> {
+    runners.iter_mut().enumerate().filter(|(i, _)| which.contains(i)).map(|(_, r)| r).collect()
+}
+
+/// Pairs of candidates at the best of their looks, by what they promise together beyond the better one.
+fn pairs(screen: &Screen<'_>, runners: &[Runner]) -> Vec<Pair> {
+    let top: Vec<(&Runner, &Finding)> = runners
+        .iter()
+        .filter(|r| !r.imitated && r.candidate.extends.is_none())
+        .filter_map(|r| r.findings.first().map(|f| (r, f)))
+        .collect();
+    let mut out = Vec::new();
+    for (i, (a, fa)) in top.iter().enumerate() {
+        for (b, fb) in &top[i + 1..] {
+            let actions: Vec<_> = fa.actions.iter().chain(&fb.actions).collect();
+            let together = screen.together(&actions);
+            out.push(Pair { effects: [a.newest(), b.newest()], together, alone: fa.gain.max(fb.gain) });
+        }
+    }
+    out.sort_by(|a, b| b.together.total_cmp(&a.together));
+    out
+}
+
+impl Runner {
+    fn new(screen: &Screen<'_>, candidate: Candidate) -> Result<Self> {
+        let mut findings: Vec<Finding> = Vec::new();
+        if candidate.extends.is_none() {
+            findings = candidate.probes.iter().filter_map(|p| screen.look(&candidate, p)).collect();
+        }
+        findings.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let imitated = !findings.is_empty() && findings.iter().all(|f| f.imitated);
+        findings.truncate(FOLLOWED);
+        Ok(Self { candidate, findings, fit: None, imitated })
+    }
+
+    fn newest(&self) -> Attachment {
+        self.candidate.made.effects.last().cloned().unwrap_or_default()
+    }
+
+    fn cost(&self) -> Option<f64> {
+        self.fit.as_ref().map(|f| f.cost)
+    }
+
+    /// Where the hypothesis so far stands in this fit, with all states.
+    fn base_point(&self) -> Option<Point> {
+        let f = self.fit.as_ref()?;
+        let theta = f.point.theta[..self.candidate.own[0]].to_vec();
+        Some(Point { theta, x0: f.point.x0.clone() })
+    }
+
+    fn own_values(&self) -> Vec<f64> {
+        self.fit.as_ref().map_or(Vec::new(), |f| self.candidate.own.iter().map(|k| f.point.theta[*k]).collect())
+    }
+
+    fn own_parameters(&self) -> IndexMap<String, f64> {
+        let names = self.candidate.made.own(self.candidate.made.effects.len() - 1);
+        names.into_iter().map(|(_, n)| n).zip(self.own_values()).collect()
+    }
+
+    fn keep(&mut self, fit: Option<Fitted>) {
+        if let Some(f) = fit.filter(|f| self.fit.as_ref().is_none_or(|b| f.cost < b.cost)) {
+            self.fit = Some(f);
+        }
+    }
+
+    /// A few steps from the better of the points to which the test points.
+    fn first(&mut self, bench: &Bench<'_>) -> Result<()> {
+        if self.imitated {
+            return Ok(());
+        }
+        for k in 0..self.findings.len() {
+            bench.train.control.check()?;
+            let start = self.findings[k].start.clone();
+            let fit = stage(&self.candidate.made.subject(), bench.train, &start, bench.train_start, None, FIRST);
+            self.keep(fit);
+        }
+        Ok(())
+    }
+
+    /// Starts of a richer law from the fit of the simpler one.
+    fn inherit(
+        &mut self,
+        bench: &Bench<'_>,
+        simple: &IndexMap<Attachment, (Point, IndexMap<String, f64>)>,
+    ) -> Result<()> {
+        let key = (self.candidate.extends.clone().unwrap_or_default(), self.newest().1);
+        let Some((at, own)) = simple.get(&key) else { return Ok(()) };
+        let mut starts: Vec<(f64, Point)> = Vec::new();
+        for own in inherited(&self.candidate, own)? {
+            bench.train.control.check()?;
+            let point = joined(&self.candidate, at, &own);
+            if let Some(c) = cost(&self.candidate.made.subject(), bench.train, &point, bench.train_start) {
+                starts.push((c, point));
+            }
+        }
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (_, start) in starts.into_iter().take(FOLLOWED) {
+            let fit = stage(&self.candidate.made.subject(), bench.train, &start, bench.train_start, None, FIRST);
+            self.keep(fit);
+        }
+        Ok(())
+    }
+
+    fn more(&mut self, bench: &Bench<'_>, effort: Effort) -> Result<()> {
+        bench.train.control.check()?;
+        let Some(from) = self.fit.as_ref().map(|f| f.point.clone()) else { return Ok(()) };
+        let fit = stage(&self.candidate.made.subject(), bench.train, &from, bench.train_start, None, effort);
+        self.keep(fit);
+        Ok(())
+    }
+
+    /// As far as the data go; and once more from the nominal parameters as stated, tied to the recording at first: what they
+    /// had absorbed may keep a fit in the wrong valley. With `everywhere`, from every start.
+    fn last(&mut self, bench: &Bench<'_>, base: &Trial, everywhere: bool) -> Result<()> {
+        self.more(bench, FINE)?;
+        let Some(so_far) = self.fit.clone() else { return Ok(()) };
+        let stated: Vec<f64> = base
+            .made
+            .priors
+            .iter()
+            .zip(&base.fit.point.theta)
+            .map(|(p, v)| if p.sd.is_finite() { p.mean } else { *v })
+            .collect();
+        let beginning = Point { theta: stated, x0: bench.train_start.to_vec() };
+        let start = joined(&self.candidate, &beginning, &self.own_values());
+        let subject = self.candidate.made.subject();
+        if everywhere {
+            let mut starts = vec![start];
+            starts.extend(
+                self.findings
+                    .iter()
+                    .map(|f| joined(&self.candidate, &beginning, &f.start.theta[self.candidate.own[0]..])),
+            );
+            let fit = descend(bench, &subject, &starts, bench.train_ties)?;
+            self.keep(fit);
+        } else {
+            bench.train.control.check()?;
+            let tie = bench.train_ties.get(bench.train_ties.len() / 2).map_or(&[][..], Vec::as_slice);
+            let tied = homotopy(&subject, bench.train, &start, bench.train_start, tie);
+            let agree = tied.as_ref().is_some_and(|t| (t.cost - so_far.cost).abs() <= AGREE * so_far.cost);
+            self.keep(tied);
+            if agree && so_far.converged {
+                return Ok(());
+            }
+        }
+        if self.fit.as_ref().is_some_and(|f| !f.converged) {
+            self.more(bench, FINE)?;
+        }
+        Ok(())
+    }
+
+    fn aside(self) -> Aside {
+        let why = match (&self.fit, self.imitated) {
+            (_, true) => Why::Imitated,
+            (Some(_), _) => Why::Behind,
+            (None, _) => Why::Nothing,
+        };
+        Aside { effect: self.newest(), why, cost: self.cost(), parameters: self.own_parameters() }
+    }
+}

@@ -41,6 +41,7 @@ from ltp.diagnose import (
 )
 from ltp.feedback import Feedback
 from ltp.feedforward import Reference, feedforward
+from ltp.harmonic import EventTime, HarmonicMap, harmonic_map
 from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
 from ltp.isolability import Isolability, isolability
@@ -79,10 +80,12 @@ __all__ = [
     "Effect",
     "Estimate",
     "Event",
+    "EventTime",
     "Feedback",
     "Fit",
     "FitRow",
     "Floquet",
+    "HarmonicMap",
     "HeldOut",
     "Htf",
     "InputError",
@@ -121,6 +124,7 @@ __all__ = [
     "cycle_average",
     "diagnose",
     "feedforward",
+    "harmonic_map",
     "identify",
     "identify_arx",
     "identify_map",

@@ -31,7 +31,7 @@ class TriedEffect:
 
     `raw` is the rms change of the measured outputs in units of their noise before anything is refitted; `visible` the
     length of what nominal parameters and initial states cannot imitate, in units of noise. It is `detectable` when the
-    square of that exceeds 10.
+    square of that exceeds 10. `alike` names the nominal parameter that does much the same, where one does.
     """
 
     name: str
@@ -40,6 +40,7 @@ class TriedEffect:
     raw: float
     visible: float
     detectable: bool
+    alike: str | None
 
     @property
     def label(self) -> str:
@@ -190,7 +191,7 @@ def _parse(text: str) -> Isolability:
         size=tree["size"],
         sensors=sizes(tree["sensors"]),
         effects=[
-            TriedEffect(e["name"], e["at"], sizes(e["parameters"]), e["raw"], e["visible"], e["detectable"])
+            TriedEffect(**(e | {"parameters": sizes(e["parameters"])}))
             for e in tree["effects"]
         ],
         matrix=np.array(tree["matrix"], dtype=np.float64),

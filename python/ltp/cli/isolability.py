@@ -109,7 +109,9 @@ def _signal(text: str, t_end: float, dt: float) -> InputLike:
         return text
     match = _MULTISINE.match(text)
     if match is None:
-        raise InputError(f"--input: {text!r} is not multisine(RMS, LOW:HIGH) with the band in Hz, as multisine(2, 0.2:2.5)")
+        raise InputError(
+            f"--input: {text!r} is not multisine(RMS, LOW:HIGH) with the band in Hz, as multisine(2, 0.2:2.5)"
+        )
     rms, low, high = (float(part) for part in match.groups()[:3])
     band = (math.tau * low, math.tau * high)
     seed = int(match[4] or 0)

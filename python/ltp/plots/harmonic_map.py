@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from .numbers import minus
 from .style import COLORS, hide_spines, new_figure, styled
@@ -30,21 +31,23 @@ def harmonic_map_figure(found: HarmonicMap) -> Figure:
     heights = [0.5 + 0.26 * rows] * len(pairs) + ([0.45 + 0.28 * len(found.events)] if found.events else [])
     figure = new_figure(0.8 + sum(heights))
     panels = list(np.atleast_1d(figure.subplots(len(heights), 1, height_ratios=heights)))
-    image = None
+    image: AxesImage | None = None
     for axes, (y, u) in zip(panels, pairs, strict=False):
         image = _map(axes, found, y, u)
     if image is not None:
         bar = figure.colorbar(image, ax=panels[: len(pairs)], pad=0.01, fraction=0.03, extend="max")
         bar.set_label("standard deviations")
-        bar.outline.set_visible(False)  # type: ignore[operator]
+        bar.outline.set_visible(False)
     if found.events:
         _events(panels[-1], found)
     return figure
 
 
-def _map(axes: Axes, found: HarmonicMap, y: int, u: int) -> object:
+def _map(axes: Axes, found: HarmonicMap, y: int, u: int) -> AxesImage:
     n = len(found.omega)
-    image = axes.imshow(found.z[y, u], aspect="auto", origin="lower", cmap=_SCALE, vmin=0.0, vmax=TOP, interpolation="none")
+    image = axes.imshow(
+        found.z[y, u], aspect="auto", origin="lower", cmap=_SCALE, vmin=0.0, vmax=TOP, interpolation="none"
+    )
     axes.set_yticks(range(len(found.harmonics)), [minus(f"{k:d}") for k in found.harmonics])
     shown = np.unique(np.linspace(0, n - 1, min(n, 8)).round().astype(int))
     axes.set_xticks(shown, [f"{found.omega[i] / math.tau:.2g}" for i in shown])

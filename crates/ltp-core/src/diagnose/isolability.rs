@@ -41,6 +41,9 @@ pub const APART: f64 = 10.0;
 /// Deviance below which nothing speaks for either.
 pub const ALIKE: f64 = 2.0;
 
+/// Cosine of the angle between two changes of the outputs beyond which they are much the same.
+const ALIKE_COSINE: f64 = 0.95;
+
 /// Whether two effects can be told apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -78,6 +81,8 @@ pub struct Tried {
     pub visible: f64,
     /// Whether its square exceeds ten: whether it would be seen at all.
     pub detectable: bool,
+    /// The nominal parameter that does much the same, where one does.
+    pub alike: Option<String>,
 }
 
 impl Tried {
@@ -208,6 +213,7 @@ fn work(model: &Model, plan: &Plan, control: &Control<'_>) -> Result<Isolability
     let nested: Vec<Vec<bool>> = nested(model, &candidates);
     let separation = symmetric(&now.matrix, &nested);
     let words = separation.iter().map(|row| row.iter().map(|d| Word::of(*d)).collect()).collect();
+    let names: Vec<String> = system.free().iter().map(|&i| wide.parameters()[i].name.clone()).collect();
     let effects: Vec<Tried> = candidates
         .iter()
         .enumerate()
@@ -218,6 +224,7 @@ fn work(model: &Model, plan: &Plan, control: &Control<'_>) -> Result<Isolability
             raw: now.raw[k],
             visible: now.own[k].sqrt(),
             detectable: now.own[k] > APART,
+            alike: now.alike[k].filter(|(_, cosine)| *cosine > ALIKE_COSINE).map(|(i, _)| names[i].clone()),
         })
         .collect();
     let helps = setups(&wide, &records, &varied, &sensors, &spread, &extra)

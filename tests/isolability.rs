@@ -35,8 +35,7 @@ fn rivals_are_separated_by_the_experiment_that_mechanics_asks_for() {
     let rival = |label: &str, model| Rival { label: label.into(), p: values(model), model, x0: &rest };
     let rivals = [rival("constant_force@pendulum", &torque), rival("output_bias@theta", &bias)];
     let clock = std::time::Instant::now();
-    let found =
-        with_control(|control| separating(&rivals, &nominal, &experiments, &sigma, 1, control)).unwrap();
+    let found = with_control(|control| separating(&rivals, &nominal, &experiments, &sigma, 1, control)).unwrap();
     println!("{:?} in {:?}", found, clock.elapsed());
     assert!(found.iter().any(|s| s.kind == "amplitude" && s.sentence.contains("twice")), "{found:?}");
     assert!(found.iter().all(|s| s.gain > 10.0 && s.separates == ["output_bias@theta"]));
@@ -48,7 +47,11 @@ fn what_is_the_same_physics_is_never_separated() {
     let nominal = zoo("cart_pendulum").unwrap();
     let record = |amplitude: f64| {
         let volts = (0..601).map(|k| volts(k, amplitude)).collect();
-        Planned { name: "planned".into(), inputs: IndexMap::from([("V".into(), Signal::Samples(volts))]), ..Planned::default() }
+        Planned {
+            name: "planned".into(),
+            inputs: IndexMap::from([("V".into(), Signal::Samples(volts))]),
+            ..Planned::default()
+        }
     };
     let effects = ["constant_force", "input_bias", "coulomb_friction", "viscous_friction"].map(String::from);
     let plan = Plan { effects: Some(effects.into()), ..Plan::new(vec![record(3.0), record(1.0)], 6.0, DT) };

@@ -39,12 +39,14 @@ from ltp.diagnose import (
     ParameterChange,
     diagnose,
 )
+from ltp.diagnose_many import JobError, JobResult, diagnose_many
 from ltp.feedback import Feedback
 from ltp.feedforward import Reference, feedforward
 from ltp.harmonic import EventTime, HarmonicMap, harmonic_map
 from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
 from ltp.isolability import Isolability, isolability
+from ltp.jobs import Job
 from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
 from ltp.periodic import Floquet, LiftedMode, Transverse
@@ -90,6 +92,9 @@ __all__ = [
     "Htf",
     "InputError",
     "Isolability",
+    "Job",
+    "JobError",
+    "JobResult",
     "Jump",
     "Law",
     "Lifted",
@@ -123,6 +128,7 @@ __all__ = [
     "cycle",
     "cycle_average",
     "diagnose",
+    "diagnose_many",
     "feedforward",
     "harmonic_map",
     "identify",

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -162,6 +162,27 @@ class Law:
     sd: Array
 
 
+class _Core(Protocol):
+    """What a diagnosis rests on: that of the extension, or one that was told again."""
+
+    def json(self) -> str: ...
+    def traces(self) -> dict[str, Any]: ...
+
+
+@dataclass(frozen=True)
+class _Told:
+    """A diagnosis from another process or from a file."""
+
+    text: str
+    curves: dict[str, Any]
+
+    def json(self) -> str:
+        return self.text
+
+    def traces(self) -> dict[str, Any]:
+        return self.curves
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """The answer of `ltp.diagnose`.
@@ -187,7 +208,7 @@ class Diagnosis:
     warnings: list[str]
     seconds: float
     model_name: str
-    _core: _ltp.Diagnosis = field(repr=False, compare=False)
+    _core: _Core = field(repr=False, compare=False)
     _document: str = field(repr=False)
 
     @cached_property
@@ -203,6 +224,19 @@ class Diagnosis:
     def to_json(self) -> str:
         """The whole diagnosis as one JSON object, as `ltp diagnose --json` prints it."""
         return self._core.json()
+
+    @staticmethod
+    def from_json(text: str, traces: Mapping[str, Any] | None = None) -> Diagnosis:
+        """A diagnosis again, from `to_json` and, for the figures of its report, from its `traces`.
+
+        Raises `InputError` when the text is not what `to_json` or `ltp diagnose --json` wrote.
+        """
+        curves = dict(traces) if traces is not None else {"records": [], "force": [], "law": None}
+        return _parse(_Told(text, curves))
+
+    def __reduce__(self) -> tuple[Callable[..., Diagnosis], tuple[str, dict[str, Any]]]:
+        """A diagnosis travels to another process, and is copied, as its JSON and its curves."""
+        return Diagnosis.from_json, (self.to_json(), self.traces)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a self-contained HTML page that opens offline; returns the path.
@@ -267,8 +301,17 @@ def _listed(role: str, records: Recording | Sequence[Recording]) -> list[Recordi
     return listed
 
 
-def _parse(core: _ltp.Diagnosis) -> Diagnosis:
-    tree: dict[str, Any] = json.loads(core.json())
+def _parse(core: _Core) -> Diagnosis:
+    try:
+        return _from_tree(core, json.loads(core.json()))
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"not the JSON of a diagnosis ({type(error).__name__}: {error}); expected what to_json() "
+            "or `ltp diagnose --json` wrote, by this version"
+        ) from None
+
+
+def _from_tree(core: _Core, tree: dict[str, Any]) -> Diagnosis:
     where = tree["location"]
     law = tree["law"]
     return Diagnosis(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -195,6 +195,10 @@ class Model:
     def input_default(self, name: str) -> float | None:
         """The value an input has where a recording does not give it, in its unit; None when it must be given."""
         return self._core.input_default(name)
+
+    def __reduce__(self) -> tuple[Callable[[str, str], Model], tuple[str, str]]:
+        """A model travels to another process, and is copied, as the text of its document."""
+        return Model.from_toml, (self.to_toml(), f"the copied model {self.name!r}")
 
     def __repr__(self) -> str:
         lists = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs, "ports": self.ports}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -64,9 +64,9 @@ class Recording:
     ) -> Recording:
         """Read the inputs and outputs of `model` from a file, a data frame or a dict of arrays.
 
-        source: `.csv`, `.tsv`, `.txt` (each also `.gz`), `.npz`, `.mat`, a pandas or polars frame, or a dict. columns:
-        where a name of the model differs from the file, such as `{"q": "qm", "theta": "angle [deg]"}`; by default
-            `model.column(name)`. None for an output says that it was not recorded.
+        source: `.csv`, `.tsv`, `.txt` (each also `.gz`), `.npz`, `.mat`, `.json`, a pandas or polars frame, or a dict.
+        columns: where a name of the model differs from the file, such as `{"q": "qm", "theta": "angle [deg]"}`; by
+            default `model.column(name)`. None for an output says that it was not recorded.
         name: what reports call the recording; by default the file's name without suffix.
         dt: sampling period in s, for a file without a time column (`t` or `time`).
 
@@ -186,6 +186,11 @@ class Recording:
         """Names of the columns of `outputs`."""
         return self._core.output_names
 
+    def __reduce__(self) -> tuple[Callable[..., Recording], tuple[Any, ...]]:
+        """A recording travels to another process, and is copied, as its samples, equal to the bit."""
+        arrays = (self.t, self.inputs, self.outputs)
+        return _restored, (self.name, *arrays, self.input_names, self.output_names, self.dt, self.warnings)
+
     def __len__(self) -> int:
         return len(self.t)
 
@@ -195,6 +200,10 @@ class Recording:
             f"<ltp.Recording {self.name!r}; {len(t)} samples, {t[0]:g} to {t[-1]:g} s, dt {self.dt:g} s; "
             f"inputs: {', '.join(self.input_names) or 'none'}; outputs: {', '.join(self.output_names)}>"
         )
+
+
+def _restored(name: str, t: Array, u: Array, y: Array, inputs: list[str], outputs: list[str], *rest: Any) -> Recording:
+    return Recording.wrap(_ltp.Recording(name, t, u, y, inputs, outputs).restored(*rest))
 
 
 def _construct(name: str, source: str, t: Array, inputs: dict[str, Array], outputs: dict[str, Array]) -> _ltp.Recording:

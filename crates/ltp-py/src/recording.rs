@@ -88,6 +88,11 @@ impl Recording {
         self.core.output_names().to_vec()
     }
 
+    /// The same samples with the step and warnings they had in another process.
+    fn restored(&self, py: Python<'_>, dt: f64, warnings: Vec<String>) -> PyResult<Self> {
+        Ok(door::short(py, || self.core.clone().restored(dt, warnings))?.into())
+    }
+
     /// The samples with `start <= t <= end` (s), times kept.
     fn slice(&self, py: Python<'_>, start: f64, end: f64) -> PyResult<Self> {
         Ok(door::short(py, || self.core.slice(start, end))?.into())

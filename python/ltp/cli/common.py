@@ -5,15 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from ltp import zoo
 from ltp._ltp import InputError
+from ltp.jobs import read_model, read_recording
 from ltp.model import Model
-from ltp.recording import Recording
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,9 +24,8 @@ exit codes:
 
 HOLDS = ("first-order", "zero-order", "cubic")
 
-_ZOO = "zoo:"
-_WINDOW = re.compile(r"^(?P<file>.+)@(?P<start>[^@:/\\]*):(?P<end>[^@:/\\]*)$")
-
+# a recording from `FILE` or `FILE@START:END`
+load_recording = read_recording
 
 # What `add_subparsers` returns; argparse keeps the name of the class to itself.
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -96,20 +92,9 @@ def as_svg(figure: Figure, description: str) -> str:
 
 def load_model(arguments: argparse.Namespace) -> Model:
     """The model of MODEL and `--set`."""
-    word: str = arguments.model
-    model = zoo.load(word[len(_ZOO) :]) if word.startswith(_ZOO) else Model.load(word)
+    model = read_model(arguments.model)
     values = numbers("--set", arguments.parameters)
     return model.with_parameters(values) if values else model
-
-
-def load_recording(word: str, model: Model, columns: dict[str, str | None], dt: float | None) -> Recording:
-    """A recording from `FILE` or `FILE@START:END`, the window in seconds; either end may be left out."""
-    window = None if Path(word).exists() else _WINDOW.match(word)
-    if window is None:
-        return Recording.read(word, model, columns, dt=dt)
-    start = _seconds(word, window["start"], -math.inf)
-    end = _seconds(word, window["end"], math.inf)
-    return Recording.read(window["file"], model, columns, dt=dt).slice(start, end)
 
 
 def column_mapping(words: Sequence[str]) -> dict[str, str | None]:
@@ -154,15 +139,6 @@ def _pairs(option: str, words: Sequence[str]) -> dict[str, str]:
             raise InputError(f"{option}: {name!r} is given twice ({pairs[name]!r} and {text.strip()!r}); remove one")
         pairs[name] = text.strip()
     return pairs
-
-
-def _seconds(word: str, text: str, otherwise: float) -> float:
-    value = _number(text) if text.strip() else otherwise
-    if value is None:
-        raise InputError(
-            f"{word}: {text!r} in the window is not a number of seconds; write FILE@START:END, as run.csv@10:35.5"
-        )
-    return value
 
 
 def _number(text: str) -> float | None:

@@ -24,9 +24,9 @@ def add(commands: common.Commands) -> None:
         "diagnose",
         help="compare a model with recordings and name the physics that was left out",
         description="Compare a model with recordings, locate the mismatch, and name and fit the physics that was left\n"
-        "out. Recordings: .csv .tsv .txt (each also .gz), .npz, .mat; columns by the names of the model's inputs and\n"
-        "outputs, time as t or time; units in headers, as 'theta [deg]', are converted. FILE@START:END takes a part\n"
-        "(seconds).",
+        "out. Recordings: .csv .tsv .txt (each also .gz), .npz, .mat, .json; columns by the names of the model's\n"
+        "inputs and outputs, time as t or time; units in headers, as 'theta [deg]', are converted. FILE@START:END\n"
+        "takes a part (seconds).",
         epilog=common.epilog(*EXAMPLES),
         formatter_class=common.Formatter,
     )

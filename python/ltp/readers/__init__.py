@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from ltp._ltp import InputError
-from ltp.readers import delimited, frame, mat, npz
+from ltp.readers import delimited, frame, mat, npz, records
 from ltp.readers.frame import Frame
 from ltp.readers.table import Column, Table, split_unit
 
 __all__ = ["Column", "Frame", "Table", "read_table", "split_unit", "stem"]
 
 _READERS: dict[str, Callable[[Path], Table]] = {
-    suffix: module.read for module in (delimited, npz, mat) for suffix in module.SUFFIXES
+    suffix: module.read for module in (delimited, npz, mat, records) for suffix in module.SUFFIXES
 }
 
 

@@ -108,6 +108,22 @@ impl Recording {
         })
     }
 
+    /// The same samples with the step (s) and the warnings they had elsewhere, in another process or before a slice.
+    ///
+    /// Both were decided when the recording was first made; the samples alone give the step only up to rounding, and
+    /// what was done to get there not at all. With them a copy is equal to the bit.
+    ///
+    /// # Errors
+    /// `OutOfRange` when `dt` is not the step of these samples, to within a thousandth.
+    pub fn restored(self, dt: f64, warnings: Vec<String>) -> Result<Self> {
+        if (dt - self.dt).abs() <= 1e-3 * self.dt {
+            return Ok(Recording { dt, warnings, ..self });
+        }
+        let what = format!("step of the restored recording `{}`", self.name);
+        let expected = format!("{} s, as its times say; restore what the recording itself gave", self.dt);
+        Err(Error::OutOfRange { what, found: dt, expected })
+    }
+
     /// Name, as printed in messages and reports.
     pub fn name(&self) -> &str {
         &self.name

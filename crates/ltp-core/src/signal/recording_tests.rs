@@ -156,6 +156,32 @@ fn slices_keep_times_and_refuse_to_be_short() {
     assert!(matches!(recording.slice(f64::NAN, 1.0), Err(Error::OutOfRange { .. })));
 }
 
+#[test]
+fn a_copy_is_restored_to_the_bit() {
+    let jittered =
+        Columns { t: (0..100).map(|i| 0.01 * f64::from(i) + 0.001 * f64::from(i).sin()).collect(), ..good() };
+    for recording in [jittered.build().expect("resampled"), good().build().expect("uniform")] {
+        let part = recording.slice(0.2, 0.7).expect("long enough");
+        let columns = |all: &[f64], width: usize| -> Vec<Vec<f64>> {
+            (0..width).map(|j| all.iter().skip(j).step_by(width).copied().collect()).collect()
+        };
+        let (inputs, outputs) = (part.input_names().to_vec(), part.output_names().to_vec());
+        let copy = Recording::new(
+            part.name(),
+            part.t().to_vec(),
+            columns(part.inputs(), inputs.len()),
+            columns(part.outputs(), outputs.len()),
+            inputs,
+            outputs,
+        )
+        .and_then(|copy| copy.restored(part.dt(), part.warnings().to_vec()))
+        .expect("what it gave");
+        assert_eq!(copy, part);
+        let error = copy.restored(1.1 * part.dt(), Vec::new()).expect_err("another step");
+        assert!(matches!(error, Error::OutOfRange { .. }), "{error}");
+    }
+}
+
 proptest! {
     #[test]
     fn uniform_records_survive_unchanged(

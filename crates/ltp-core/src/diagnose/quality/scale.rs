@@ -138,9 +138,8 @@ fn error(system: &Compiled, e: &Experiment) -> Result<Option<f64>> {
     let size = sigma.iter().copied().fold(0.0, f64::max).max(start.iter().fold(0.0, |m: f64, v| m.max(v.abs())));
     // States that are not seen may be far from the document's: a wide prior, and faster motion for faster sampling.
     let scale = vec![size.max(1e-9) * (1.0 + 1.0 / (20.0 * e.dt)); start.len()];
-    // Parameters stay as stated: only the initial state is fitted.
-    let p = system.parameters();
-    let subject = Subject { system, priors: &[], still: Some(p), extra: &[] };
+    let stated = system.parameters();
+    let subject = Subject { system, priors: &[], still: Some(stated), extra: &[] };
     let ground = Ground {
         experiments: std::slice::from_ref(e),
         sigma: &sigma,
@@ -152,7 +151,15 @@ fn error(system: &Compiled, e: &Experiment) -> Result<Option<f64>> {
     let Some(fitted) = fit::stage(&subject, ground, &from, &[start], None, EFFORT) else {
         return Ok(Some(f64::INFINITY));
     };
-    let run = Run { system, p, x0: &fitted.point.x0[0], experiment: e, substeps: 1, observer: None, control: &control };
+    let run = Run {
+        system,
+        p: stated,
+        x0: &fitted.point.x0[0],
+        experiment: e,
+        substeps: 1,
+        observer: None,
+        control: &control,
+    };
     let Some(y) = run.outputs() else { return Ok(Some(f64::INFINITY)) };
     let ny = e.outputs();
     let of = |j: usize| stats::rms(y.iter().zip(&e.y).skip(j).step_by(ny).map(|(y, m)| y - m)) / spread[j];

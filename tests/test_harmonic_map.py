@@ -1,4 +1,4 @@
-"""Owns the tests of the harmonic map on the hopper: planted physics stands out, and where there is none nothing is claimed."""
+"""Owns the tests of the harmonic map on the hopper: planted physics stands out; without it nothing is claimed."""
 
 from __future__ import annotations
 
@@ -83,6 +83,8 @@ def test_a_model_without_a_clock_is_refused() -> None:
 
 def test_a_machine_that_is_not_probed_is_refused(nominal: ltp.Model) -> None:
     recording, _ = hop(nominal, 1)
-    still = ltp.Recording(recording.t, {"u_c": np.zeros(len(recording.t))}, {"h": recording.outputs[:, 0]}, name="still")
+    still = ltp.Recording(
+        recording.t, {"u_c": np.zeros(len(recording.t))}, {"h": recording.outputs[:, 0]}, name="still"
+    )
     with pytest.raises(ltp.InputError, match="multisine"):
         ltp.harmonic_map(nominal, still)

@@ -1,4 +1,4 @@
-"""Owns `ltp.isolability` and the noun `Isolability` in Python: what a set-up could tell apart, before any experiment."""
+"""Owns `ltp.isolability` and the noun `Isolability` in Python: what a planned experiment could tell apart."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Help:
 
 @dataclass(frozen=True)
 class Advice:
-    """An open question, an effect that is not seen or a pair that is not told apart, and what settles it, best first."""
+    """An open question, an effect not seen or a pair not told apart, and what settles it, best first."""
 
     of: list[str]
     now: float
@@ -72,8 +72,8 @@ class Isolability:
 
     `effects` (m) are the candidates at their reference size, `size` times what is natural at their place. `matrix`
     (m, m) is the gain in deviance expected when the effect of the row is true and that of the column is fitted instead,
-    at any size, beside nominal parameters and initial states. `separation` (m, m) is the smaller of both directions (the
-    larger where one law contains the other); `words` (m, m) says it: "separable" above 10, "doubtful" above 2, else
+    at any size, beside nominal parameters and initial states. `separation` (m, m) is the smaller of both directions
+    (the larger where one law contains the other); `words` (m, m) says it: "separable" above 10, "doubtful" above 2, else
     "never". `advice` says what would help, computed for each variation of the set-up. `sensors` are the noise levels.
     """
 
@@ -133,8 +133,8 @@ def isolability(
     initial_state: values that replace those of the document; `hold` as in `ltp.simulate`.
     threads: 0 for one per core; the result has the same bits with any number.
 
-    Raises `InputError` for names and numbers that cannot be right, `ConvergenceError` when the model cannot be simulated
-    along the plan.
+    Raises `InputError` for names and numbers that cannot be right, `ConvergenceError` when the model cannot be
+    simulated along the plan.
     """
     records = [inputs] if isinstance(inputs, Mapping) else list(inputs)
     core = _ltp.isolability(
@@ -190,10 +190,7 @@ def _parse(text: str) -> Isolability:
         model_name=tree["model_name"],
         size=tree["size"],
         sensors=sizes(tree["sensors"]),
-        effects=[
-            TriedEffect(**(e | {"parameters": sizes(e["parameters"])}))
-            for e in tree["effects"]
-        ],
+        effects=[TriedEffect(**(e | {"parameters": sizes(e["parameters"])})) for e in tree["effects"]],
         matrix=np.array(tree["matrix"], dtype=np.float64),
         separation=np.array(tree["separation"], dtype=np.float64),
         words=tree["words"],

@@ -50,7 +50,9 @@ def isolability_figure(found: Isolability) -> Figure:
     matrix.set_ylim(m - 0.5, -0.5)
     matrix.set_yticks(range(m), names)
     turn = 90 if many else 40
-    matrix.set_xticks(range(m), names, rotation=turn, ha="right", va="center" if many else "top", rotation_mode="anchor")
+    matrix.set_xticks(
+        range(m), names, rotation=turn, ha="right", va="center" if many else "top", rotation_mode="anchor"
+    )
     matrix.grid(visible=False)
     matrix.tick_params(length=0)
     hide_spines(matrix, "left", "bottom")

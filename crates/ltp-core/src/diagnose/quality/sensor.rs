@@ -137,3 +137,38 @@ pub fn check(model: &Model, train: &[Experiment], test: &[Experiment], warnings:
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wave(n: usize) -> Vec<f64> {
+        (0..n).map(|k| (0.05 * k as f64).sin() + 0.4 * (0.13 * k as f64).cos()).collect()
+    }
+
+    #[test]
+    fn a_cut_wave_is_clipped_and_a_machine_at_rest_is_not() {
+        let whole = wave(1000);
+        assert!(clipped(&whole).is_empty());
+        let cut: Vec<f64> = whole.iter().map(|v| v.clamp(-0.8, 0.8)).collect();
+        let expected = whole.iter().filter(|v| v.abs() >= 0.8).count();
+        assert_eq!(clipped(&cut).len(), expected);
+        // From rest at one end to rest at the other, as a carriage under a smooth profile, read by an encoder.
+        let carriage: Vec<f64> = (0..2000)
+            .map(|k| {
+                let s = ((k as f64 / 500.0) % 2.0 - 0.5).clamp(0.0, 1.0);
+                ((s - (std::f64::consts::TAU * s).sin() / std::f64::consts::TAU) * 1e4).round() / 1e4
+            })
+            .collect();
+        assert!(clipped(&carriage).is_empty());
+    }
+
+    #[test]
+    fn steps_are_found_and_a_continuous_signal_has_none() {
+        let whole = wave(1000);
+        assert_eq!(step(&whole), 0.0);
+        let coarse: Vec<f64> = whole.iter().map(|v| (v / 0.01).round() * 0.01).collect();
+        assert!((step(&coarse) - 0.01).abs() < 1e-12);
+        assert_eq!(step(&[1.0; 20]), 0.0);
+    }
+}

@@ -73,8 +73,9 @@ class Isolability:
     `effects` (m) are the candidates at their reference size, `size` times what is natural at their place. `matrix`
     (m, m) is the gain in deviance expected when the effect of the row is true and that of the column is fitted instead,
     at any size, beside nominal parameters and initial states. `separation` (m, m) is the smaller of both directions
-    (the larger where one law contains the other); `words` (m, m) says it: "separable" above 10, "doubtful" above 2, else
-    "never". `advice` says what would help, computed for each variation of the set-up. `sensors` are the noise levels.
+    (the larger where one law contains the other); `words` (m, m) says it: "separable" above 10, "doubtful" above 2,
+    else "never". `advice` says what would help, computed for each variation of the set-up. `sensors` are the noise
+    levels.
     """
 
     model_name: str

@@ -24,10 +24,10 @@ fn with_control<T>(work: impl FnOnce(&Control<'_>) -> T) -> T {
 fn rivals_are_separated_by_the_experiment_that_mechanics_asks_for() {
     // A constant torque and a biased angle sensor do the same as long as the pendulum stays near the vertical.
     let nominal = zoo("cart_pendulum").unwrap();
-    let torque = nominal.attach("constant_force", "pendulum", &[("force", 2e-3)]).unwrap();
-    let bias = nominal.attach("output_bias", "theta", &[("bias", 4e-3)]).unwrap();
-    let (n, sigma) = (1000, [2e-4, 2e-3]);
-    let columns = [(0..n).map(|k| volts(k, 1.0)).collect::<Vec<_>>()];
+    let torque = nominal.attach("constant_force", "pendulum", &[("force", 6.8e-3)]).unwrap();
+    let bias = nominal.attach("output_bias", "theta", &[("bias", 1.3e-2)]).unwrap();
+    let (n, sigma) = (1000, [1.5e-3, 2.6e-3]);
+    let columns = [(0..n).map(|k| volts(k, 3.0)).collect::<Vec<_>>()];
     let inputs = Inputs::samples(0.0, DT, &columns, Hold::FirstOrder).unwrap();
     let experiments = [Experiment::planned("small", (0.0, DT), n, 2, inputs)];
     let rest = [vec![0.0; 4]];

@@ -23,9 +23,9 @@ def add(commands: common.Commands) -> None:
     parser = commands.add_parser(
         "isolability",
         help="say which effects a planned experiment could tell apart, and what would help",
-        description="Say, before any experiment, which effects of the library a set-up could tell apart at a given noise,\n"
-        "as a matrix, and which variation of it would help: another amplitude, a further sensor, slower or faster\n"
-        "inputs, longer records, faster sampling. Each is computed, none is canned.",
+        description="Say, before any experiment, which effects of the library a set-up could tell apart at a given\n"
+        "noise, as a matrix, and which variation of it would help: another amplitude, a further sensor, slower\n"
+        "or faster inputs, longer records, faster sampling. Each is computed, none is canned.",
         epilog=common.epilog(EXAMPLE),
         formatter_class=common.Formatter,
     )

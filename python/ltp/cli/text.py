@@ -65,7 +65,7 @@ def isolability_text(found: Isolability) -> str:
             ", ".join(f"{name} = {with_unit(number(e.value, 3), e.unit)}" for name, e in effect.parameters.items()),
             number(effect.raw, 3),
             number(effect.visible, 3),
-            "yes" if effect.detectable else "no",
+            "yes" if effect.detectable else f"no: like {effect.alike}" if effect.alike else "no",
         ]
         for k, effect in enumerate(found.effects)
     ]

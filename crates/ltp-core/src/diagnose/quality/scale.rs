@@ -7,7 +7,7 @@ use super::super::experiment::{Control, Experiment, Run};
 use super::super::fit::{self, Effort, Ground, Point, Subject};
 use super::super::words::number;
 use crate::error::{Error, Result};
-use crate::model::{self, Compiled, Model, System};
+use crate::model::{self, Backend, Compiled, Model, System};
 use crate::numeric::stats;
 use crate::simulate::{Hold, Inputs};
 
@@ -48,7 +48,8 @@ fn mistaken(unit: &str) -> Vec<(f64, String)> {
 }
 
 /// Looks for one column in a wrong unit.
-pub fn check(model: &Model, system: &Compiled, train: &[Experiment]) -> Result<()> {
+pub fn check(model: &Model, train: &[Experiment]) -> Result<()> {
+    let system = &model.compile_for(Vec::new(), Backend::Native);
     let Some(e) = train.iter().max_by(|a, b| energy(a).total_cmp(&energy(b))) else { return Ok(()) };
     let short = e.part(0, e.len().min(STRETCH));
     let Some(error) = error(system, &short)? else { return Ok(()) };
@@ -150,8 +151,15 @@ fn error(system: &Compiled, e: &Experiment) -> Result<Option<f64>> {
     let Some(fitted) = fit::stage(&subject, ground, &from, &[start], None, EFFORT) else {
         return Ok(Some(f64::INFINITY));
     };
-    let p = system.parameters();
-    let run = Run { system, p, x0: &fitted.point.x0[0], experiment: e, substeps: 1, observer: None, control: &control };
+    let run = Run {
+        system,
+        p: stated,
+        x0: &fitted.point.x0[0],
+        experiment: e,
+        substeps: 1,
+        observer: None,
+        control: &control,
+    };
     let Some(y) = run.outputs() else { return Ok(Some(f64::INFINITY)) };
     let ny = e.outputs();
     let of = |j: usize| stats::rms(y.iter().zip(&e.y).skip(j).step_by(ny).map(|(y, m)| y - m)) / spread[j];

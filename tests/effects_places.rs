@@ -68,7 +68,7 @@ fn an_input_lag_answers_a_step_exponentially() {
 #[test]
 fn the_hoppers_whole_actuator_is_a_place() {
     let hopper = zoo("hopper").unwrap();
-    assert_eq!(hopper.places("input_gain").unwrap(), ["u_c", "u", "f"]);
+    assert_eq!(hopper.places("input_gain").unwrap(), ["u_c", "u"]);
     let model = hopper.attach("input_saturation", "u", &[("limit", 60.0)]).unwrap();
     let mut document = hopper.document().clone();
     document.signals["u"] = ltp_core::model::Definition::Plain("max(-60, min(60, a*cos(omega_p*t) + u_c))".into());

@@ -44,6 +44,7 @@ from ltp.feedback import Feedback
 from ltp.feedforward import Reference, feedforward
 from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
+from ltp.isolability import Isolability, isolability
 from ltp.jobs import Job
 from ltp.linearize import Jump, LtpSystem, linearize
 from ltp.model import Model
@@ -87,6 +88,7 @@ __all__ = [
     "HeldOut",
     "Htf",
     "InputError",
+    "Isolability",
     "Job",
     "JobError",
     "JobResult",
@@ -128,6 +130,7 @@ __all__ = [
     "identify",
     "identify_arx",
     "identify_map",
+    "isolability",
     "linearize",
     "metrics",
     "phase_from_events",

@@ -49,6 +49,7 @@ __all__ = [
     "identify",
     "identify_arx",
     "identify_map",
+    "isolability",
     "linearize",
     "linearize_along",
     "multisine_lines",
@@ -652,6 +653,21 @@ def diagnose(
     threads: int = 0,
     progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosis: ...
+def isolability(
+    model: Model,
+    records: Sequence[Mapping[str, str | npt.NDArray[np.float64]]],
+    *,
+    t_end: float,
+    dt: float,
+    sensors: Sequence[tuple[str, float]] | None = None,
+    noise: float = 0.01,
+    size: float = 0.05,
+    effects: Sequence[str] | None = None,
+    initial_state: Mapping[str, float] | None = None,
+    hold: str = "first-order",
+    threads: int = 0,
+    progress: Callable[[str, float], None] | None = None,
+) -> str: ...
 def conceal(
     model: str = "cart_pendulum",
     effect: str | None = None,

@@ -12,6 +12,7 @@ mod conclude;
 mod experiment;
 mod fit;
 mod forward;
+pub mod isolability;
 mod judge;
 mod kalman;
 mod law;
@@ -19,6 +20,7 @@ mod locate;
 mod places;
 mod prepare;
 mod prepared;
+pub mod quality;
 mod report;
 pub mod result;
 mod score;
@@ -31,14 +33,13 @@ mod words;
 
 use std::time::Instant;
 
-pub use experiment::Control;
+pub use experiment::{Control, Experiment};
 pub use result::{Diagnosis, Verdict};
 
 use crate::error::{Error, Result, nearest};
 use crate::model::Model;
 use crate::signal::Recording;
 use crate::simulate::Hold;
-use experiment::Experiment;
 use places::Places;
 use prepare::Scene;
 use prepared::Prepared;
@@ -93,6 +94,11 @@ fn work(
     (control.progress)("reading the recordings", 0.0);
     let own_test = !test.is_empty();
     let (train, test) = split(model, train, test, options.hold, &mut warnings)?;
+    warnings.extend(quality::check(model, &train, &test)?);
+    let (mut train, mut test, shortened) = quality::shorten(model, train, test, quality::LONGEST)?;
+    warnings.extend(shortened);
+    quality::clipped_to_gaps(&mut train);
+    quality::clipped_to_gaps(&mut test);
 
     (control.progress)("following the recordings", 0.05);
     let prepared = Prepared::new(model, train, test, control, &mut warnings)?;

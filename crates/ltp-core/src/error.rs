@@ -157,6 +157,14 @@ pub enum Error {
         /// What is inconsistent and what to do.
         message: String,
     },
+    /// Recordings that read well but cannot answer the question: nothing moves, the sensor is at its end, the unit is wrong.
+    #[error("{what}: {message}")]
+    Data {
+        /// The recording, or the output or input of it.
+        what: String,
+        /// What is wrong or missing, with numbers, and what to do.
+        message: String,
+    },
     /// A method that could not reach its goal and has nothing partial to show.
     #[error("{method} did not converge in {iterations} iterations (residual {residual:.3e}); {advice}")]
     NoConvergence {

@@ -186,6 +186,7 @@ impl Model {
     /// Where an effect may act in this model, in document order: all its ports, inputs and then signals that inputs enter,
     /// outputs, contacts or parameters at which [`Model::attach`] succeeds.
     ///
+    /// Of the signals, those are offered that states do not enter: what drives the model, such as a whole actuator.
     /// Of the parameters, `parameter_error` is offered the exact ones (a fit moves the others by itself), any other effect
     /// those with an uncertainty; both may be attached to all.
     ///
@@ -195,7 +196,8 @@ impl Model {
         let on = self.library.get(effect)?.on.as_str();
         let wanted = |at: &str| {
             let exact = self.document.parameters.get(at).is_none_or(|p| p.sd.is_none_or(|sd| sd == 0.0));
-            on != "parameter" || exact == (effect == "parameter_error")
+            let answers = on == "input" && attach::state_enters(&self.document, at);
+            !answers && (on != "parameter" || exact == (effect == "parameter_error"))
         };
         let names = attach::candidates(&self.document, on).into_iter().filter(|at| wanted(at));
         Ok(names.filter(|at| self.attach(effect, at, &[]).is_ok()).map(String::from).collect())

@@ -2,7 +2,7 @@
 //!
 //! Read in order: [`error`] (how failures arrive), [`door`] (how work is done without holding the interpreter),
 //! [`array`] (how numbers cross), [`interrupt`] (how a simulation is stopped), then the nouns [`model`], [`recording`] and
-//! [`trajectory`], the verbs [`simulate`], [`diagnose`] and [`conceal`], what is read from unclocked recordings ([`unclocked`],
+//! [`trajectory`], the verbs [`simulate`], [`diagnose`], [`isolability`] and [`conceal`], what is read from unclocked recordings ([`unclocked`],
 //! [`arx`] and [`section`]), what experiments put in ([`signals`]), and
 //! [`kernels`] for benchmarks.
 
@@ -19,6 +19,7 @@ mod feedforward;
 mod htf;
 mod identify;
 mod interrupt;
+mod isolability;
 mod kernels;
 mod linearize;
 mod model;
@@ -53,6 +54,8 @@ mod _ltp {
     use crate::htf::Htf;
     #[pymodule_export]
     use crate::identify::{identify, rests};
+    #[pymodule_export]
+    use crate::isolability::isolability;
     #[pymodule_export]
     use crate::kernels::{NormalBand, smooth};
     #[pymodule_export]

@@ -11,12 +11,38 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from ltp._ltp import ConvergenceError, InputError
-from ltp.cli import control, cycle, demo, diagnose, diagnose_many, identify, linearize, prove, reproduce, simulate, zoo
+from ltp.cli import (
+    control,
+    cycle,
+    demo,
+    diagnose,
+    diagnose_many,
+    identify,
+    isolability,
+    linearize,
+    prove,
+    reproduce,
+    simulate,
+    zoo,
+)
 from ltp.cli.common import EXIT_CODES, Formatter
 
 __all__ = ["main"]
 
-_COMMANDS = (simulate, cycle, linearize, identify, control, diagnose, diagnose_many, prove, zoo, demo, reproduce)
+_COMMANDS = (
+    simulate,
+    cycle,
+    linearize,
+    identify,
+    control,
+    isolability,
+    diagnose,
+    diagnose_many,
+    prove,
+    zoo,
+    demo,
+    reproduce,
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

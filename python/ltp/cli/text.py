@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ltp.isolability import Isolability
 
 NONE = "-"
 
@@ -49,3 +53,48 @@ def estimate(value: float | None, sd: float | None) -> str:
 def with_unit(text: str, unit: str) -> str:
     """The text followed by its unit, except for what is dimensionless."""
     return text if unit in ("", "1") else f"{text} {unit}"
+
+
+def isolability_text(found: Isolability) -> str:
+    """What a set-up tells apart: a table of effects, the matrix of pairs, and what would help."""
+    sensors = ", ".join(f"{name} ({with_unit(number(e.value, 3), e.unit)})" for name, e in found.sensors.items())
+    rows = [
+        [
+            str(k + 1),
+            effect.label,
+            ", ".join(f"{name} = {with_unit(number(e.value, 3), e.unit)}" for name, e in effect.parameters.items()),
+            number(effect.raw, 3),
+            number(effect.visible, 3),
+            "yes" if effect.detectable else "no",
+        ]
+        for k, effect in enumerate(found.effects)
+    ]
+    marks = {"separable": "+", "doubtful": "?", "never": "="}
+    seen = [effect.detectable for effect in found.effects]
+    grid = [
+        [str(i + 1)]
+        + [
+            "" if i == j else marks[word] if seen[i] and seen[j] else "."
+            for j, word in enumerate(words)
+        ]
+        for i, words in enumerate(found.words)
+    ]
+    parts = [
+        found.sentence,
+        "",
+        f"sensors and their noise: {sensors}",
+        "",
+        table(["", "effect", "at this size", "raw change", "visible", "seen"], rows, left=3),
+        "",
+        "raw change: rms over noise; visible: what parameters and initial states cannot imitate, in units of noise",
+        "",
+        table(["", *(str(k + 1) for k in range(len(rows)))], grid),
+        "",
+        "+ told apart   ? doubtful   = not told apart   . one of the two is not seen",
+    ]
+    if found.advice:
+        parts += ["", "what would help (deviance now -> then, 10 is decisive):"]
+    for advice in found.advice:
+        helps = "; ".join(f"{help.sentence} (-> {number(help.deviance, 3)})" for help in advice.by[:3])
+        parts.append(f"  {' and '.join(advice.of)} ({number(advice.now, 2)}): {helps or 'nothing that was tried'}")
+    return "\n".join(parts)

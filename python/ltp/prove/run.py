@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -56,7 +58,9 @@ def diagnosed(case: Path) -> str:
     begun = time.perf_counter()
     try:
         model, train, test = read_case(case)
-        return diagnose(model, train, test).to_json()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # they stand in the result
+            return diagnose(model, train, test).to_json()
     except (InputError, ConvergenceError) as error:
         return json.dumps({"error": str(error), "seconds": time.perf_counter() - begun})
 
@@ -98,8 +102,6 @@ def _figure(out: Path, opened: Score) -> None:
     if not table:
         return
     figure = draw_matrix(table)
-    import io
-
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=130, facecolor="white")
     write_bytes(out / "confusion.png", buffer.getvalue())

@@ -168,7 +168,7 @@ impl Machine {
                 }
             } else if e.name == "parameter_error" {
                 let i = truth.parameter(&e.at)?;
-                let off = truth.parameters()[i].value + value("change");
+                let off = truth.parameters()[i].value + value("offset");
                 truth = truth.with_parameters(&[(&e.at, off, None)])?;
             } else if e.name == "parameter_drift" {
                 drift.push((truth.parameter(&e.at)?, value("rate")));

@@ -10,6 +10,9 @@ use crate::model::{Model, Point};
 use crate::numeric::rng::SplitMix64;
 use crate::numeric::stats;
 
+/// How the names of laws begin that the library does not hold.
+const BEYOND: &str = "outside_";
+
 /// Laws that the library does not hold, for the difficulty `outside`: name and document.
 pub const OUTSIDE: [(&str, &str); 6] = [
     (
@@ -242,7 +245,9 @@ impl Sketch {
             }
             "restitution" => vec![("coefficient", s.min(0.7))],
             "ground_height" => vec![("height", sign * s * q)],
-            "parameter_error" => vec![("offset", sign * (5.0 + 10.0 * c) * self.stated.1)],
+            // A parameter with an uncertainty is off by five to fifteen of them, an exact one by as much as shows.
+            "parameter_error" if self.stated.1 > 0.0 => vec![("offset", sign * (5.0 + 10.0 * c) * self.stated.1)],
+            "parameter_error" => vec![("offset", sign * s * self.stated.0)],
             "parameter_drift" => vec![("rate", sign * s * self.stated.0 / n.time)],
             "outside_velocity_position_squared" => {
                 vec![("damping", s * f / v), ("width", q * between(a, 0.5, 1.2))]
@@ -260,21 +265,23 @@ impl Sketch {
 
     /// Whether the strength is open; a parameter's error is drawn in its own uncertainty.
     pub fn adjustable(&self) -> bool {
-        self.name != "parameter_error"
+        self.name != "parameter_error" || self.stated.1 == 0.0
     }
 }
 
 /// Everything that may be concealed in a model: effect and place.
-pub fn places(model: &Model, outside: bool) -> Vec<(String, String)> {
+///
+/// # Errors
+/// Never for names of the library.
+pub fn places(model: &Model, outside: bool) -> Result<Vec<(String, String)>> {
     let mut out = Vec::new();
-    if outside {
-        for (name, _) in OUTSIDE {
-            out.extend(model.ports().into_iter().map(|p| (name.to_string(), p.to_string())));
+    let library: Vec<&str> = model.library().names().collect();
+    for name in library.into_iter().filter(|n| n.starts_with(BEYOND) == outside) {
+        let mut here = model.places(name)?;
+        if name == "parameter_error" {
+            here.extend(model.parameters().iter().filter(|p| p.sd.is_some()).map(|p| p.name.clone()));
         }
-        return out;
+        out.extend(here.into_iter().map(|at| (name.to_string(), at)));
     }
-    for name in model.library().names() {
-        out.extend(model.ports().into_iter().map(|p| (name.to_string(), p.to_string())));
-    }
-    out
+    Ok(out)
 }

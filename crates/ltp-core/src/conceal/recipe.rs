@@ -75,7 +75,8 @@ pub fn conceal(recipe: &Recipe) -> Result<Case> {
     let mut random = SplitMix64::new(recipe.seed);
     let (duration, dt) = recipe.duration;
     let samples = (duration / dt).round() as usize + 1;
-    let names: Vec<String> = nominal.library().names().map(String::from).collect();
+    // Laws of motion at a port; the rest of the vocabulary needs more than this integrator knows.
+    let names: Vec<String> = nominal.library().names().take(7).map(String::from).collect();
     let ports: Vec<String> = nominal.ports().into_iter().map(String::from).collect();
     let drawn = (names[random.below(names.len())].clone(), ports[random.below(ports.len())].clone());
     let (effect, port) = recipe.effect.clone().unwrap_or(drawn);

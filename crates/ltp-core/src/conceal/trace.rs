@@ -11,6 +11,8 @@ use crate::numeric::stats;
 const WIDE: f64 = 20.0;
 /// Freedom in the refit that masks, in stated uncertainties.
 const MASK: f64 = 2.0;
+/// Change of the outputs, in sigmas, that a unit of a start makes: so large that starts are free.
+const LOOSE: f64 = 1e3;
 /// Steps of the refit that masks.
 const STEPS: usize = 3;
 
@@ -34,68 +36,100 @@ pub struct Bench<'a> {
     pub sigma: &'a [f64],
 }
 
+/// Residuals at a point, and how they move.
+struct Linear {
+    /// Residuals in units of sigma, all records after one another.
+    base: Vec<f64>,
+    /// What a unit of each unknown takes away.
+    columns: Vec<Vec<f64>>,
+    /// The uncertain parameters: the first columns.
+    free: Vec<usize>,
+    /// Record, state and size of a unit of each further column.
+    starts: Vec<(usize, usize, f64)>,
+}
+
 impl Bench<'_> {
-    /// Residuals of a model in units of sigma, all records after one another; `shift` moves the starts.
-    fn residuals(&self, model: &Model, shift: Option<(usize, usize, f64)>) -> Result<Vec<f64>> {
+    fn residuals(&self, model: &Model, starts: &[Vec<f64>]) -> Result<Vec<f64>> {
         let machine = Machine::new(model, &[])?;
         let ny = self.sigma.len();
         let mut out = Vec::new();
-        for (r, record) in self.records.iter().enumerate() {
-            let mut x0 = record.start.clone();
-            if let Some((at, state, by)) = shift
-                && at == r
-            {
-                x0[state] += by;
-            }
-            let y = self.setup.replay(&machine, record.wave, &x0)?.outputs;
+        for (record, x0) in self.records.iter().zip(starts) {
+            let y = self.setup.replay(&machine, record.wave, x0)?.outputs;
             out.extend(record.outputs.iter().zip(&y).enumerate().map(|(k, (a, b))| (a - b) / self.sigma[k % ny]));
         }
         Ok(out)
     }
 
-    /// Residual and its slopes by uncertain parameters (in units of `freedom` stated uncertainties) and starts.
-    fn linear(&self, model: &Model, freedom: f64) -> Result<(Vec<f64>, Vec<Vec<f64>>, Vec<usize>)> {
-        let base = self.residuals(model, None)?;
-        let mut columns = Vec::new();
+    /// Slopes by uncertain parameters (in units of `freedom` stated uncertainties) and by starts, which are free.
+    fn linear(&self, model: &Model, x0: &[Vec<f64>], freedom: f64) -> Result<Linear> {
+        let base = self.residuals(model, x0)?;
         let free: Vec<usize> =
             model.parameters().iter().enumerate().filter(|(_, p)| p.sd.is_some()).map(|(i, _)| i).collect();
+        let (mut columns, mut starts) = (Vec::new(), Vec::new());
         for &i in &free {
             let p = &model.parameters()[i];
             let step = 1e-3 * p.sd.unwrap_or(0.0);
-            let moved = self.residuals(&model.with_parameters(&[(&p.name, p.value + step, None)])?, None)?;
+            let moved = self.residuals(&model.with_parameters(&[(&p.name, p.value + step, None)])?, x0)?;
             let unit = freedom * p.sd.unwrap_or(0.0) / step;
             columns.push(base.iter().zip(&moved).map(|(a, b)| (a - b) * unit).collect());
         }
-        let per_record = base.len() / self.records.len();
-        for (r, record) in self.records.iter().enumerate() {
-            for state in 0..record.start.len() {
-                let step = 1e-6;
-                // A state that is held at its start (a toe on the ground) has no slope of its own.
-                let Ok(moved) = self.residuals(model, Some((r, state, step))) else { continue };
-                let column: Vec<f64> = base.iter().zip(&moved).map(|(a, b)| (a - b) / step).collect();
-                let size = stats::rms(column.iter().copied());
-                let jumps = column.iter().any(|v| !v.is_finite());
-                if size > 0.0 && !jumps && column[r * per_record..].iter().any(|v| *v != 0.0) {
-                    // In units that move the outputs by their weight: starts are free.
-                    columns.push(column.iter().map(|v| 1e3 * v / size).collect());
-                }
+        for (r, state) in (0..x0.len()).flat_map(|r| (0..x0[r].len()).map(move |s| (r, s))) {
+            let step = 1e-6;
+            let mut shifted = x0.to_vec();
+            shifted[r][state] += step;
+            let Ok(moved) = self.residuals(model, &shifted) else { continue };
+            let column: Vec<f64> = base.iter().zip(&moved).map(|(a, b)| (a - b) / step).collect();
+            let size = stats::rms(column.iter().copied());
+            // A state that is held at its start (a toe on the ground) has no slope.
+            if size > 0.0 && size.is_finite() {
+                let unit = LOOSE / size;
+                columns.push(column.iter().map(|v| v * unit).collect());
+                starts.push((r, state, unit));
             }
         }
-        Ok((base, columns, free))
+        Ok(Linear { base, columns, free, starts })
     }
 
-    /// Sum of squares of the residual, in units of sigma, that no choice of parameters and starts removes, to first order;
-    /// and the whole sum of squares.
+    /// Sum of squares of the residual, in units of sigma, that the uncertain parameters and the starts do not remove in
+    /// `steps` Gauss-Newton steps, the last one taken to first order; and the whole sum of squares.
     ///
     /// # Errors
     /// When the nominal machine does not run along the records.
-    pub fn left(&self, model: &Model) -> Result<(f64, f64)> {
-        let (base, columns, _) = self.linear(model, WIDE)?;
-        let whole = base.iter().map(|v| v * v).sum();
-        let step = ridge(&columns, &base);
-        let rest =
-            base.iter().enumerate().map(|(k, v)| v - columns.iter().zip(&step).map(|(c, s)| c[k] * s).sum::<f64>());
-        Ok((rest.map(|v| v * v).sum(), whole))
+    pub fn left(&self, model: &Model, steps: usize) -> Result<(f64, f64)> {
+        let mut x0: Vec<Vec<f64>> = self.records.iter().map(|r| r.start.clone()).collect();
+        let mut now = model.clone();
+        let (mut whole, mut least) = (0.0, f64::INFINITY);
+        for round in 0..steps {
+            let Ok(linear) = self.linear(&now, &x0, WIDE) else { break };
+            let energy = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>();
+            if round == 0 {
+                whole = energy(&linear.base);
+            }
+            let step = ridge_of(&linear.columns, &linear.base, 1.0);
+            let taken = |k: usize| linear.columns.iter().zip(&step).map(|(c, s)| c[k] * s).sum::<f64>();
+            let rest: Vec<f64> = linear.base.iter().enumerate().map(|(k, v)| v - taken(k)).collect();
+            least = least.min(energy(&rest));
+            let mut values = Vec::new();
+            for (&i, s) in linear.free.iter().zip(&step) {
+                let p = &now.parameters()[i];
+                let wanted = p.value + s * WIDE * p.sd.unwrap_or(0.0);
+                values.push((p.name.clone(), wanted.clamp(p.bounds.0, p.bounds.1)));
+            }
+            for ((r, state, unit), s) in linear.starts.iter().zip(&step[linear.free.len()..]) {
+                x0[*r][*state] += s * unit;
+            }
+            let values: Vec<(&str, f64, Option<f64>)> = values.iter().map(|(n, v)| (n.as_str(), *v, None)).collect();
+            now = now.with_parameters(&values)?;
+        }
+        if least.is_finite() {
+            return Ok((least, whole));
+        }
+        Err(crate::error::Error::NoConvergence {
+            method: "trace of an effect".into(),
+            iterations: steps,
+            residual: least,
+            advice: "the nominal machine does not run along these records; take a smaller effect".into(),
+        })
     }
 
     /// The model with its uncertain parameters refitted to the records, within a few of their stated uncertainties.
@@ -104,11 +138,11 @@ impl Bench<'_> {
     /// As [`Bench::left`].
     pub fn masked(&self, model: &Model) -> Result<Model> {
         let stated: Vec<(f64, f64)> = model.parameters().iter().map(|p| (p.value, p.sd.unwrap_or(0.0))).collect();
+        let x0: Vec<Vec<f64>> = self.records.iter().map(|r| r.start.clone()).collect();
         let mut now = model.clone();
         for _ in 0..STEPS {
-            let (base, mut columns, free) = self.linear(&now, MASK)?;
+            let Linear { mut base, mut columns, free, .. } = self.linear(&now, &x0, MASK)?;
             // The prior is about what was stated, not about the last step.
-            let mut base = base;
             for (c, &i) in free.iter().enumerate() {
                 base.push((stated[i].0 - now.parameters()[i].value) / (MASK * stated[i].1));
                 for (k, column) in columns.iter_mut().enumerate() {
@@ -133,11 +167,7 @@ impl Bench<'_> {
     }
 }
 
-fn ridge(columns: &[Vec<f64>], base: &[f64]) -> Vec<f64> {
-    ridge_of(columns, base, 1.0)
-}
-
-/// Least squares with unit (times `weight`) ridge by the normal equations, scaled, with Cholesky's method.
+/// Least squares with a ridge of `weight` by the normal equations, with Cholesky's method.
 fn ridge_of(columns: &[Vec<f64>], base: &[f64], weight: f64) -> Vec<f64> {
     let n = columns.len();
     let mut a = vec![vec![0.0; n]; n];

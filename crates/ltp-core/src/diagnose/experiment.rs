@@ -87,6 +87,11 @@ impl Experiment {
         Ok(Self { name: recording.name().to_string(), t0, dt: recording.dt(), y, inputs, ny })
     }
 
+    /// A record that is planned, not measured: `n` samples of `ny` outputs, all gaps.
+    pub fn planned(name: &str, (t0, dt): (f64, f64), n: usize, ny: usize, inputs: Inputs) -> Self {
+        Self { name: name.to_string(), t0, dt, y: vec![f64::NAN; n * ny], inputs, ny }
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.y.len() / self.ny

@@ -10,16 +10,6 @@ use crate::numeric::{spectrum, stats};
 
 /// Name of the effect that stands for a force nobody knows: a state of its own that only noise moves.
 pub const UNKNOWN_FORCE: &str = "unknown_force";
-/// Effects that the fits do not start yet, and the unknown force itself.
-const LATER: [&str; 7] = [
-    UNKNOWN_FORCE,
-    "backlash",
-    "hysteresis",
-    "position_periodic_force",
-    "time_periodic_force",
-    "added_mass",
-    "flexible_mode",
-];
 /// Intensity of noise below which a measurement is not believed to be better than this fraction of its motion.
 const FINEST: f64 = 1e-9;
 

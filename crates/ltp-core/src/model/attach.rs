@@ -50,7 +50,7 @@ pub fn candidates<'d>(doc: &'d Document, on: &str) -> Vec<&'d str> {
     match on {
         "port" => names(&doc.ports),
         "input" => {
-            let signals = doc.signals.keys().map(String::as_str).filter(|s| input_enters(doc, s, 0));
+            let signals = doc.signals.keys().map(String::as_str).filter(|s| input_enters(doc, s));
             names(&doc.inputs).into_iter().chain(signals).collect()
         }
         "output" => names(&doc.outputs),
@@ -61,10 +61,19 @@ pub fn candidates<'d>(doc: &'d Document, on: &str) -> Vec<&'d str> {
 }
 
 /// Whether a signal depends on an input.
-fn input_enters(doc: &Document, signal: &str, depth: usize) -> bool {
+pub fn input_enters(doc: &Document, signal: &str) -> bool {
+    depends(doc, signal, &doc.inputs.keys().map(String::as_str).collect::<Vec<_>>(), 0)
+}
+
+/// Whether a signal depends on a state, so that it is no longer only what drives the model.
+pub fn state_enters(doc: &Document, signal: &str) -> bool {
+    depends(doc, signal, &doc.states.keys().map(String::as_str).collect::<Vec<_>>(), 0)
+}
+
+fn depends(doc: &Document, signal: &str, on: &[&str], depth: usize) -> bool {
     let Some(tree) = doc.signals.get(signal).and_then(|d| parse(d.expression(), "").ok()) else { return false };
-    let deeper = |s: &String| depth < 100 && tree.mentions(s) && input_enters(doc, s, depth + 1);
-    doc.inputs.keys().any(|i| tree.mentions(i)) || doc.signals.keys().any(deeper)
+    let deeper = |s: &String| depth < 100 && tree.mentions(s) && depends(doc, s, on, depth + 1);
+    on.iter().any(|name| tree.mentions(name)) || doc.signals.keys().any(deeper)
 }
 
 /// Where an effect that acts on `on` stands when it is attached at `at`.

@@ -1,0 +1,139 @@
+//! Sensors at their end (clipped plateaus) and sensors of few steps (quantised outputs).
+
+use super::super::experiment::Experiment;
+use super::super::words::{number, quantity};
+use crate::error::{Error, Result};
+use crate::model::Model;
+use crate::numeric::stats;
+
+/// Samples in a row at one extreme that are a plateau, not a turning point.
+const PLATEAU: usize = 4;
+/// A plateau is cut off, not reached at leisure, when the signal runs into it at this share of its usual speed.
+const ABRUPT: f64 = 0.3;
+/// Share of clipped samples worth a warning.
+const SOME: f64 = 0.005;
+/// Share of clipped samples that leaves too little to see.
+const MOST: f64 = 0.4;
+/// Steps over the range of an output below which a reader must be told.
+const COARSE: f64 = 200.0;
+/// Distinct levels beyond which a signal counts as continuous for the purpose of finding its step.
+const LEVELS: usize = 20_000;
+
+/// Rows of one output at which its sensor is at its end: plateaus exactly at the largest or smallest value, into which the
+/// signal runs at speed. A machine that comes to rest, even at an extreme, arrives slowly and is not meant.
+fn clipped(y: &[f64]) -> Vec<usize> {
+    let finite = y.iter().copied().filter(|v| v.is_finite());
+    let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    if high <= low {
+        return Vec::new();
+    }
+    // Speeds over three samples: a single difference is mostly noise, or a step of the sensor.
+    const BASE: usize = 3;
+    let speed = stats::rms(y.windows(BASE + 1).map(|w| w[BASE] - w[0]).filter(|v| v.is_finite()));
+    let mut rows = Vec::new();
+    for end in [low, high] {
+        let (mut plateaus, mut arrivals) = (Vec::new(), Vec::new());
+        let mut k = 0;
+        while k < y.len() {
+            let run = y[k..].iter().take_while(|v| **v == end).count();
+            if run >= PLATEAU {
+                plateaus.push(k..k + run);
+                let outside = [k.checked_sub(BASE), Some(k + run + BASE - 1).filter(|&i| i < y.len())];
+                arrivals.extend(outside.into_iter().flatten().map(|i| (y[i] - end).abs()).filter(|v| v.is_finite()));
+            }
+            k += run.max(1);
+        }
+        if stats::median(&arrivals) > ABRUPT * speed {
+            rows.extend(plateaus.into_iter().flatten());
+        }
+    }
+    rows.sort_unstable();
+    rows
+}
+
+/// Step of a quantised output: the one distance of which all distances between its levels are multiples; 0 where it has none.
+fn step(y: &[f64]) -> f64 {
+    let mut levels: Vec<f64> = y.iter().copied().filter(|v| v.is_finite()).collect();
+    let samples = levels.len();
+    levels.sort_unstable_by(f64::total_cmp);
+    levels.dedup();
+    // A continuous signal repeats no value; a quantised one is full of repetitions.
+    if levels.len() < 2 || levels.len() > LEVELS || 2 * levels.len() > samples {
+        return 0.0;
+    }
+    let range = levels[levels.len() - 1] - levels[0];
+    let rounding = 1e-9 * range.max(levels[0].abs()).max(levels[levels.len() - 1].abs());
+    let gaps: Vec<f64> = levels.windows(2).map(|w| w[1] - w[0]).filter(|g| *g > rounding).collect();
+    let smallest = gaps.iter().copied().fold(f64::INFINITY, f64::min);
+    let whole = |g: &&f64| (*g / smallest - (*g / smallest).round()).abs() < 0.05;
+    let share = gaps.iter().filter(whole).count() as f64 / gaps.len().max(1) as f64;
+    if smallest.is_finite() && share > 0.95 { smallest } else { 0.0 }
+}
+
+/// Noise that the steps of each output's sensor make, one standard deviation: step over the square root of 12, in the
+/// output's unit; 0 for an output that is not quantised. A noise floor can be no lower.
+pub fn quantisation(train: &[Experiment]) -> Vec<f64> {
+    let steps = |j: usize| train.iter().map(|e| step(&e.output(j).collect::<Vec<_>>())).fold(0.0, f64::max);
+    (0..train[0].outputs()).map(|j| steps(j) / 12.0_f64.sqrt()).collect()
+}
+
+/// Makes gaps of the samples at which a sensor is at its end: they say only that the truth is beyond. Returns the number of
+/// samples that became gaps.
+pub fn clipped_to_gaps(experiments: &mut [Experiment]) -> usize {
+    let mut count = 0;
+    for e in experiments {
+        let ny = e.outputs();
+        for j in 0..ny {
+            let y: Vec<f64> = e.output(j).collect();
+            for k in clipped(&y) {
+                e.y[k * ny + j] = f64::NAN;
+                count += 1;
+            }
+        }
+    }
+    count
+}
+
+/// Ends and steps of the sensors of all outputs.
+pub fn check(model: &Model, train: &[Experiment], test: &[Experiment], warnings: &mut Vec<String>) -> Result<()> {
+    for (j, name) in model.outputs().iter().enumerate() {
+        let unit = model.unit(name).unwrap_or("1");
+        for e in train.iter().chain(test) {
+            let y: Vec<f64> = e.output(j).collect();
+            let rows = clipped(&y);
+            let share = rows.len() as f64 / y.iter().filter(|v| v.is_finite()).count().max(1) as f64;
+            let Some(&first) = rows.first().filter(|_| share > SOME) else { continue };
+            let at = quantity(y[first], unit);
+            let facts = format!("{} % of its samples are exactly at an end of its range ({at})", number(100.0 * share));
+            if share > MOST {
+                return Err(Error::Data {
+                    what: format!("output `{name}` of `{}`", e.name),
+                    message: format!(
+                        "the sensor is saturated: {facts}, and it runs into them at speed; what is beyond cannot be recovered: \
+                         widen its range or drive less"
+                    ),
+                });
+            }
+            warnings.push(format!(
+                "output `{name}` of `{}`: {facts}; the sensor is saturated there, or the machine is against a stop",
+                e.name
+            ));
+        }
+    }
+    for ((j, name), floor) in model.outputs().iter().enumerate().zip(quantisation(train)) {
+        let step = floor * 12.0_f64.sqrt();
+        let values: Vec<f64> = train.iter().flat_map(|e| e.output(j)).collect();
+        let range = stats::quantile(&values, 1.0) - stats::quantile(&values, 0.0);
+        if step > 0.0 && range / step < COARSE {
+            let unit = model.unit(name).unwrap_or("1");
+            warnings.push(format!(
+                "output `{name}` is quantised in steps of {}: {} steps over its whole range; its noise is at least step/sqrt(12) \
+                 = {}",
+                quantity(step, unit),
+                number((range / step).round()),
+                quantity(floor, unit)
+            ));
+        }
+    }
+    Ok(())
+}

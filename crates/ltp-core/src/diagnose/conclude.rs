@@ -19,6 +19,9 @@ const DECISIVE: f64 = 50.0;
 /// Deviation of a parameter from its stated value, in its stated uncertainty, that makes a verdict.
 const MOVED: f64 = 3.0;
 
+/// The effect that is an error of a parameter stated as exact: the structure is right.
+const OFF: &str = "parameter_error";
+
 /// Everything the conclusion draws on.
 pub struct Case<'a> {
     /// The model as stated.
@@ -62,7 +65,9 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
     let (records, fit) = tables(model, bench, &explained)?;
     // Far above the noise, and a force at a port would explain it: that is neither consistent nor a parameter.
     let unexplained = words::remaining(&fit) > FAR && located.as_ref().is_some_and(|l| l.gain > DECISIVE);
+    let off = |(name, _): &super::trial::Attachment| name == OFF;
     let verdict = match found {
+        true if near.is_empty() && after.made.effects.iter().all(off) => Verdict::Parameter,
         true if !near.is_empty() => Verdict::Ambiguous,
         true => Verdict::Effect,
         false if law.is_some() || unexplained => Verdict::Unknown,

@@ -19,6 +19,7 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FOLDERS = {"DATA_EMPS": "emps", "realVSmodel": "sydney_compass_gait", "radial": "bicycle_wheel_pendulum"}
 FOLDERS["axial"] = FOLDERS["radial"]
 FOLDERS["SysID"] = FOLDERS["realVSmodel"]
+FOLDERS["2026-01-15_"] = "bam_xl330"
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -32,7 +33,7 @@ def commands(page: Path) -> list[str]:
 def place(word: str) -> str:
     """The word with a recording or a document of the project where it really is."""
     folder = next((folder for start, folder in FOLDERS.items() if word.startswith(start)), None)
-    if folder is not None and Path(word.partition("@")[0]).suffix in (".mat", ".csv"):
+    if folder is not None and Path(word.partition("@")[0]).suffix in (".mat", ".csv", ".json"):
         path = DATA / folder / word
         if not (DATA / folder).is_dir():
             pytest.skip(

@@ -22,7 +22,11 @@ def case() -> Any:
 
 
 def changed(
-    recording: ltp.Recording, *, y: dict[str, Array] | None = None, u: dict[str, Array] | None = None, stretch: float = 1.0
+    recording: ltp.Recording,
+    *,
+    y: dict[str, Array] | None = None,
+    u: dict[str, Array] | None = None,
+    stretch: float = 1.0,
 ) -> ltp.Recording:
     """The recording with some outputs or inputs replaced, or its time axis stretched."""
     outputs = {name: recording.outputs[:, k] for k, name in enumerate(recording.output_names)} | (y or {})
@@ -157,7 +161,9 @@ class TestDoubtful:
                 dt=1e-3,
             )
             noise = np.random.default_rng(seed).normal(scale=1e-5, size=len(run.t))
-            return ltp.Recording(run.t, {"tau": run.inputs[:, 0]}, {"q": run.outputs[:, 0] + noise}, name=f"long {seed}")
+            return ltp.Recording(
+                run.t, {"tau": run.inputs[:, 0]}, {"q": run.outputs[:, 0] + noise}, name=f"long {seed}"
+            )
 
         train, test = recorded(1, 1000.0), recorded(2, 20.0)
         begun = time.perf_counter()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -76,6 +77,34 @@ class TestFormats:
         path = tmp_path / "run.npz"
         np.savez(path, t=good["t"], y=np.column_stack([good["qm"], good["v"]]), tau=good["tau"], load=good["load"])
         assert_good(ltp.Recording.read(path, rig, {"q": "y[0]", "v": "y[1]"}), good)
+
+    def test_json_samples_with_numbers_beside_them(self, tmp_path: Path, rig: ltp.Model, good: Columns) -> None:
+        samples = [{key: float(good[key][i]) for key in ("t", "tau", "qm", "v")} for i in range(len(good["t"]))]
+        samples[3]["v"] = None  # type: ignore[assignment]
+        log = {"load": 0.25, "motor": "m", "samples": samples}
+        (tmp_path / "log.json").write_text(json.dumps(log))
+        recording = ltp.Recording.read(tmp_path / "log.json", rig)
+        assert np.array_equal(recording.inputs[:, recording.input_names.index("load")], np.full(len(good["t"]), 0.25))
+        assert np.flatnonzero(np.isnan(recording.outputs[:, 1])).tolist() == [3]
+        (tmp_path / "log.json").write_text(json.dumps(samples))
+        assert "load" not in ltp.Recording.read(tmp_path / "log.json", rig).input_names
+
+    def test_json_lists_of_numbers(self, tmp_path: Path, rig: ltp.Model, good: Columns) -> None:
+        log = {key: values.tolist() for key, values in good.items()} | {"who": "me", "remarks": ["a", "b"]}
+        (tmp_path / "log.json").write_text(json.dumps(log))
+        assert_good(ltp.Recording.read(tmp_path / "log.json", rig), good)
+
+    def test_json_that_is_no_log(self, tmp_path: Path, rig: ltp.Model) -> None:
+        path = tmp_path / "log.json"
+        for text, message in (
+            ("{", "not readable as JSON"),
+            ("3", "no samples in it"),
+            ('{"a": 1}', "no samples in it"),
+            ('{"a": [{"t": 1}], "b": [{"t": 1}]}', "'a', 'b' hold samples"),
+        ):
+            path.write_text(text)
+            with pytest.raises(ltp.InputError, match=message):
+                ltp.Recording.read(path, rig)
 
     def test_mat(self, tmp_path: Path, rig: ltp.Model, good: Columns) -> None:
         io_module = pytest.importorskip("scipy.io")

@@ -138,6 +138,60 @@ def test_every_verdict_makes_a_whole_page_that_fetches_nothing(verdict: str, tes
         assert ElementTree.fromstring(svg).attrib["aria-label"]
 
 
+def clocked() -> dict[str, Any]:
+    """The curves of :func:`traces` on a clock, the second half of each cycle in another mode."""
+    out = traces()
+    force = out["force"][0]
+    phase = (force["t"] / 0.2) % 1.0
+    force |= {"phase": phase, "mode": (phase > 0.5).astype(np.uint32), "modes": ["stance", "flight"]}
+    return out
+
+
+def test_a_force_on_a_clock_is_drawn_over_phase_by_mode() -> None:
+    place = {"kind": "port", "at": "drive", "variable": "sign of velocity", "phases": [0.22, [0.7, 0.75]]}
+    place["sentence"] = "at `drive`, where the velocity changes sign, at phases 0.22 and 0.72"
+    html = render(diagnosis() | {"location": place}, clocked())
+    page = Page(html)
+    assert "Where: at drive, where the velocity changes sign, at phases 0.22 and 0.72." in page.text
+    assert "over the phase of the clock" in page.text
+    assert "median, stance" in html
+    assert "median, flight" in html
+    assert "over the phase of the clock" not in Page(render(diagnosis(), traces())).text
+
+
+def test_the_alarm_says_what_hid_and_what_physics_forbids() -> None:
+    soaked = {"parameter": "b", "before": -260.0, "after": 203.0, "sigmas": 28.5, "unit": "N s/m"}
+    forbidden = "a damping of -260 N s/m feeds energy in"
+    text = Page(render(diagnosis() | {"absorbed": [soaked | {"forbidden": forbidden}]}, traces())).text
+    assert "Before it had a name, what was missing hid in b" in text
+    assert forbidden in text
+    text = Page(render(diagnosis() | {"absorbed": [soaked | {"forbidden": None}]}, traces())).text
+    assert "28 of its standard deviations" in text
+
+
+def test_an_ambiguous_verdict_says_what_would_tell_rivals_apart() -> None:
+    rivals = ["coulomb_friction@drive", "stribeck_friction@drive"]
+    louder = {"sentence": "2.5 times the input", "kind": "amplitude", "separates": rivals, "gain": 85.3}
+    text = Page(render(diagnosis("ambiguous") | {"separate": [louder]}, traces())).text
+    assert "2.5 times the input" in text
+    assert "coulomb_friction at drive, stribeck_friction at drive" in text
+    assert "No change of the experiment was found" in Page(render(diagnosis("ambiguous"), traces())).text
+    assert "What would tell them apart" not in Page(render(diagnosis(), traces())).text
+
+
+def test_two_effects_and_candidates_that_stand_beside_one() -> None:
+    tree = diagnosis()
+    drag = {"drag": {"value": 3.1, "sd": 0.2, "unit": "N s^2/m^2"}}
+    tree["effects"].append({"name": "quadratic_drag", "at": "drive", "parameters": drag, "share": 0.04})
+    late = {"name": "backlash", "at": "drive", "with": ["coulomb_friction@drive"], "score": None, "held_out": None}
+    tree["candidates"].append(late | {"converged": False, "parameters": {}, "note": "set aside unfinished"})
+    text = Page(render(tree, traces())).text
+    assert "quadratic_drag" in text
+    assert "backlash at drive (with coulomb_friction)" in text
+    assert "set aside unfinished" in text
+    assert "2 have no score; the table says why." in text
+
+
 def test_every_figure_refers_only_to_parts_of_itself() -> None:
     for svg in re.findall(r"<svg.*?</svg>", render(diagnosis(), traces()), re.DOTALL):
         known = set(re.findall(r'\bid="([^"]+)"', svg))

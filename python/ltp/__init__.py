@@ -42,6 +42,7 @@ from ltp.diagnose import (
 from ltp.diagnose_many import JobError, JobResult, diagnose_many
 from ltp.feedback import Feedback
 from ltp.feedforward import Reference, feedforward
+from ltp.harmonic import EventTime, HarmonicMap, harmonic_map
 from ltp.htf import Htf
 from ltp.identify import Rest, identify, rests
 from ltp.isolability import Isolability, isolability
@@ -81,10 +82,12 @@ __all__ = [
     "Effect",
     "Estimate",
     "Event",
+    "EventTime",
     "Feedback",
     "Fit",
     "FitRow",
     "Floquet",
+    "HarmonicMap",
     "HeldOut",
     "Htf",
     "InputError",
@@ -127,6 +130,7 @@ __all__ = [
     "diagnose",
     "diagnose_many",
     "feedforward",
+    "harmonic_map",
     "identify",
     "identify_arx",
     "identify_map",

@@ -46,6 +46,7 @@ __all__ = [
     "effect_text",
     "feedforward",
     "harmonic_balance",
+    "harmonic_map",
     "identify",
     "identify_arx",
     "identify_map",
@@ -657,6 +658,15 @@ def diagnose(
     threads: int = 0,
     progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosis: ...
+def harmonic_map(
+    model: Model,
+    recordings: Sequence[Recording],
+    *,
+    harmonics: int = 3,
+    band: float | None = None,
+    hold: str = "first-order",
+    progress: Callable[[str, float], None] | None = None,
+) -> str: ...
 def isolability(
     model: Model,
     records: Sequence[Mapping[str, str | npt.NDArray[np.float64]]],

@@ -1,4 +1,4 @@
-"""Owns `ltp.isolability` and the noun `Isolability` in Python: what a set-up could tell apart, before any experiment."""
+"""Owns `ltp.isolability` and the noun `Isolability` in Python: what a planned experiment could tell apart."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class TriedEffect:
 
     `raw` is the rms change of the measured outputs in units of their noise before anything is refitted; `visible` the
     length of what nominal parameters and initial states cannot imitate, in units of noise. It is `detectable` when the
-    square of that exceeds 10.
+    square of that exceeds 10. `alike` names the nominal parameter that does much the same, where one does.
     """
 
     name: str
@@ -40,6 +40,7 @@ class TriedEffect:
     raw: float
     visible: float
     detectable: bool
+    alike: str | None
 
     @property
     def label(self) -> str:
@@ -58,7 +59,7 @@ class Help:
 
 @dataclass(frozen=True)
 class Advice:
-    """An open question, an effect that is not seen or a pair that is not told apart, and what settles it, best first."""
+    """An open question, an effect not seen or a pair not told apart, and what settles it, best first."""
 
     of: list[str]
     now: float
@@ -71,9 +72,10 @@ class Isolability:
 
     `effects` (m) are the candidates at their reference size, `size` times what is natural at their place. `matrix`
     (m, m) is the gain in deviance expected when the effect of the row is true and that of the column is fitted instead,
-    at any size, beside nominal parameters and initial states. `separation` (m, m) is the smaller of both directions (the
-    larger where one law contains the other); `words` (m, m) says it: "separable" above 10, "doubtful" above 2, else
-    "never". `advice` says what would help, computed for each variation of the set-up. `sensors` are the noise levels.
+    at any size, beside nominal parameters and initial states. `separation` (m, m) is the smaller of both directions
+    (the larger where one law contains the other); `words` (m, m) says it: "separable" above 10, "doubtful" above 2,
+    else "never". `advice` says what would help, computed for each variation of the set-up. `sensors` are the noise
+    levels.
     """
 
     model_name: str
@@ -132,8 +134,8 @@ def isolability(
     initial_state: values that replace those of the document; `hold` as in `ltp.simulate`.
     threads: 0 for one per core; the result has the same bits with any number.
 
-    Raises `InputError` for names and numbers that cannot be right, `ConvergenceError` when the model cannot be simulated
-    along the plan.
+    Raises `InputError` for names and numbers that cannot be right, `ConvergenceError` when the model cannot be
+    simulated along the plan.
     """
     records = [inputs] if isinstance(inputs, Mapping) else list(inputs)
     core = _ltp.isolability(
@@ -189,10 +191,7 @@ def _parse(text: str) -> Isolability:
         model_name=tree["model_name"],
         size=tree["size"],
         sensors=sizes(tree["sensors"]),
-        effects=[
-            TriedEffect(e["name"], e["at"], sizes(e["parameters"]), e["raw"], e["visible"], e["detectable"])
-            for e in tree["effects"]
-        ],
+        effects=[TriedEffect(**(e | {"parameters": sizes(e["parameters"])})) for e in tree["effects"]],
         matrix=np.array(tree["matrix"], dtype=np.float64),
         separation=np.array(tree["separation"], dtype=np.float64),
         words=tree["words"],

@@ -18,6 +18,7 @@ from ltp import zoo
 from ltp._ltp import InputError
 from ltp.files import read_bytes
 from ltp.model import Model
+from ltp.readers import stem
 from ltp.recording import Recording
 
 #: A recording, or where it is: a path, or `FILE@START:END` for a part of a file (s).
@@ -118,7 +119,9 @@ def read_model(word: str, effects: Sequence[str] = ()) -> Model:
 def read_recording(word: str, model: Model, columns: Mapping[str, str | None], dt: float | None) -> Recording:
     """A recording from `FILE` or `FILE@START:END`, the window in seconds; either end may be left out."""
     file, window = split_window(word)
-    recording = Recording.read(file, model, columns, dt=dt)
+    # Parts of one file are told apart by their name.
+    name = None if window is None else stem(file) + word[len(file) :]
+    recording = Recording.read(file, model, columns, name, dt=dt)
     return recording if window is None else recording.slice(*window)
 
 

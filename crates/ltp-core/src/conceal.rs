@@ -7,6 +7,8 @@
 //! large), `trace` (what the nominal parameters can imitate), [`mod@draw`] (a case from system, difficulty and seed),
 //! `recipe` (the demonstration).
 
+#[cfg(test)]
+mod agreement_tests;
 pub mod draw;
 mod extrapolation;
 mod machine;

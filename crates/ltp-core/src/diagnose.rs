@@ -12,6 +12,7 @@ mod conclude;
 mod experiment;
 mod fit;
 mod forward;
+pub mod harmonic;
 pub mod isolability;
 mod judge;
 mod kalman;
@@ -97,8 +98,8 @@ fn work(
     warnings.extend(quality::check(model, &train, &test)?);
     let (mut train, mut test, shortened) = quality::shorten(model, train, test, quality::LONGEST)?;
     warnings.extend(shortened);
-    quality::clipped_to_gaps(&mut train);
-    quality::clipped_to_gaps(&mut test);
+    quality::clipped_to_gaps(model, &mut train);
+    quality::clipped_to_gaps(model, &mut test);
 
     (control.progress)("following the recordings", 0.05);
     let prepared = Prepared::new(model, train, test, control, &mut warnings)?;

@@ -99,9 +99,12 @@ fn of_force<'py>(py: Python<'py>, force: &Force) -> PyResult<Bound<'py, PyDict>>
         ("velocity", &force.velocity),
         ("force", &force.force),
         ("sd", &force.sd),
+        ("phase", &force.phase),
     ];
     words.iter().try_for_each(|(name, word)| dict.set_item(name, word))?;
     series.iter().try_for_each(|(name, values)| dict.set_item(name, values.to_pyarray(py)))?;
+    dict.set_item("modes", &force.modes)?;
+    dict.set_item("mode", force.mode.iter().map(|m| *m as u32).collect::<Vec<_>>().to_pyarray(py))?;
     Ok(dict)
 }
 

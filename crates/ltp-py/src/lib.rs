@@ -2,7 +2,7 @@
 //!
 //! Read in order: [`error`] (how failures arrive), [`door`] (how work is done without holding the interpreter),
 //! [`array`] (how numbers cross), [`interrupt`] (how a simulation is stopped), then the nouns [`model`], [`recording`] and
-//! [`trajectory`], the verbs [`simulate`], [`diagnose`], [`isolability`] and [`conceal`], what is read from unclocked recordings ([`unclocked`],
+//! [`trajectory`], the verbs [`simulate`], [`diagnose`], [`isolability`], [`harmonic`] and [`conceal`], what is read from unclocked recordings ([`unclocked`],
 //! [`arx`] and [`section`]), what experiments put in ([`signals`]), and
 //! [`kernels`] for benchmarks.
 
@@ -16,6 +16,7 @@ mod diagnose;
 mod door;
 mod error;
 mod feedforward;
+mod harmonic;
 mod htf;
 mod identify;
 mod interrupt;
@@ -50,6 +51,8 @@ mod _ltp {
     use crate::error::{ConvergenceError, InputError};
     #[pymodule_export]
     use crate::feedforward::{Reference, feedforward};
+    #[pymodule_export]
+    use crate::harmonic::harmonic_map;
     #[pymodule_export]
     use crate::htf::Htf;
     #[pymodule_export]

@@ -23,9 +23,9 @@ def add(commands: common.Commands) -> None:
     parser = commands.add_parser(
         "isolability",
         help="say which effects a planned experiment could tell apart, and what would help",
-        description="Say, before any experiment, which effects of the library a set-up could tell apart at a given noise,\n"
-        "as a matrix, and which variation of it would help: another amplitude, a further sensor, slower or faster\n"
-        "inputs, longer records, faster sampling. Each is computed, none is canned.",
+        description="Say, before any experiment, which effects of the library a set-up could tell apart at a given\n"
+        "noise, as a matrix, and which variation of it would help: another amplitude, a further sensor, slower\n"
+        "or faster inputs, longer records, faster sampling. Each is computed, none is canned.",
         epilog=common.epilog(EXAMPLE),
         formatter_class=common.Formatter,
     )
@@ -109,7 +109,9 @@ def _signal(text: str, t_end: float, dt: float) -> InputLike:
         return text
     match = _MULTISINE.match(text)
     if match is None:
-        raise InputError(f"--input: {text!r} is not multisine(RMS, LOW:HIGH) with the band in Hz, as multisine(2, 0.2:2.5)")
+        raise InputError(
+            f"--input: {text!r} is not multisine(RMS, LOW:HIGH) with the band in Hz, as multisine(2, 0.2:2.5)"
+        )
     rms, low, high = (float(part) for part in match.groups()[:3])
     band = (math.tau * low, math.tau * high)
     seed = int(match[4] or 0)

@@ -65,18 +65,14 @@ def isolability_text(found: Isolability) -> str:
             ", ".join(f"{name} = {with_unit(number(e.value, 3), e.unit)}" for name, e in effect.parameters.items()),
             number(effect.raw, 3),
             number(effect.visible, 3),
-            "yes" if effect.detectable else "no",
+            "yes" if effect.detectable else f"no: like {effect.alike}" if effect.alike else "no",
         ]
         for k, effect in enumerate(found.effects)
     ]
     marks = {"separable": "+", "doubtful": "?", "never": "="}
     seen = [effect.detectable for effect in found.effects]
     grid = [
-        [str(i + 1)]
-        + [
-            "" if i == j else marks[word] if seen[i] and seen[j] else "."
-            for j, word in enumerate(words)
-        ]
+        [str(i + 1)] + ["" if i == j else marks[word] if seen[i] and seen[j] else "." for j, word in enumerate(words)]
         for i, words in enumerate(found.words)
     ]
     parts = [

@@ -13,6 +13,7 @@ from .curves import Curves, comparison, leaves_frame
 from .errors import ErrorRow, errors
 from .force import Force, Law, Units, axis_of, missing_force
 from .parameters import Shift, absorbed
+from .phase import force_over_phase
 from .ranking import Candidate, ranking
 from .style import COLORS
 from .svg import to_svg
@@ -34,6 +35,7 @@ __all__ = [
     "axis_of",
     "comparison",
     "errors",
+    "force_over_phase",
     "held_out_runs",
     "leaves_frame",
     "mean_cycle",

@@ -20,7 +20,11 @@ VARIABLES = ("velocity", "position", "time")
 
 @dataclass(frozen=True)
 class Force:
-    """The smoothed missing force (n,) at one port along one record, with its sd, the port's motion and the time (s)."""
+    """The smoothed missing force (n,) at one port along one record, with its sd, the port's motion and the time (s).
+
+    `phase` (n,) is that of the clock in [0, 1), `mode` (n,) the place of each mode in `modes`; None where there
+    is none.
+    """
 
     record: str
     t: Array
@@ -28,6 +32,9 @@ class Force:
     velocity: Array
     force: Array
     sd: Array
+    phase: Array | None = None
+    mode: Array | None = None
+    modes: tuple[str, ...] = ()
 
     def against(self, variable: str) -> Array:
         """The samples of ``variable``, one of :data:`VARIABLES`."""
@@ -82,7 +89,7 @@ def missing_force(
     others = [v for v in VARIABLES if v != main]
     figure = new_figure(4.3)
     grid = figure.add_gridspec(2, 2, width_ratios=[1.55, 1.0])
-    low, high = _force_range(forces, law)
+    low, high = force_range(forces, law)
     factor, unit = prefixed(units.force, max(abs(low), abs(high)))
     big = figure.add_subplot(grid[:, 0])
     panels = [(big, main)] + [(figure.add_subplot(grid[row, 1]), other) for row, other in enumerate(others)]
@@ -108,7 +115,7 @@ def missing_force(
     return figure
 
 
-def _force_range(forces: list[Force], law: Law | None) -> tuple[float, float]:
+def force_range(forces: list[Force], law: Law | None) -> tuple[float, float]:
     """Range of all but the outermost 0.2 % of the samples, so that one spike of the smoother does not rule the page."""
     everything = np.concatenate([f.force[np.isfinite(f.force)] for f in forces])
     ends = [float(v) for v in np.quantile(everything, [0.002, 0.998])] if len(everything) else [0.0, 0.0]

@@ -29,7 +29,8 @@ WRITTEN = 22
 def isolability_figure(found: Isolability) -> Figure:
     """Left the matrix of gains in deviance, pair by pair; right how far each effect stands above the noise."""
     m = len(found.effects)
-    figure = new_figure(1.9 + 0.3 * max(m, 4))
+    many = m > WRITTEN
+    figure = new_figure(1.9 + (0.2 if many else 0.3) * max(m, 4))
     matrix, bars = figure.subplots(1, 2, sharey=True, width_ratios=[3.2, 1.0])
     names = [shorten(effect.label, 34) for effect in found.effects]
     drawn: dict[str, str] = {}
@@ -40,15 +41,18 @@ def isolability_figure(found: Isolability) -> Figure:
             word = found.words[i][j] if first.detectable and second.detectable else "unseen"
             color, meaning = COLORS[_LOOK[word][0]], _LOOK[word][1]
             drawn[meaning] = color
-            face = to_rgba(color, 0.28 if word != "unseen" else 0.9)
+            face = to_rgba(color, 0.4 if word != "unseen" else 0.9)
             matrix.add_patch(Rectangle((j - 0.47, i - 0.44), 0.94, 0.88, facecolor=face, edgecolor="none"))
-            if word != "unseen" and m <= WRITTEN:
+            if word != "unseen" and not many:
                 size = 7.5 if m <= 14 else 5.5
                 matrix.text(j, i, _brief(found.separation[i][j]), ha="center", va="center", fontsize=size)
     matrix.set_xlim(-0.5, m - 0.5)
     matrix.set_ylim(m - 0.5, -0.5)
     matrix.set_yticks(range(m), names)
-    matrix.set_xticks(range(m), names, rotation=40, ha="right", rotation_mode="anchor")
+    turn = 90 if many else 40
+    matrix.set_xticks(
+        range(m), names, rotation=turn, ha="right", va="center" if many else "top", rotation_mode="anchor"
+    )
     matrix.grid(visible=False)
     matrix.tick_params(length=0)
     hide_spines(matrix, "left", "bottom")
@@ -59,7 +63,7 @@ def isolability_figure(found: Isolability) -> Figure:
     bars.axvline(threshold, color=COLORS["ink"], lw=0.9, ls=(0, (4, 2)))
     bars.set_xscale("log")
     bars.set_xlim(0.3, max([*seen, 10.0]) * 1.6)
-    bars.set_xlabel("change that parameters cannot\nimitate, in units of noise")
+    bars.set_xlabel("what parameters cannot\nimitate, over noise")
     bars.tick_params(axis="y", length=0, labelleft=False)
     bars.grid(axis="y", visible=False)
     hide_spines(bars, "left", "bottom")

@@ -21,7 +21,7 @@ class Candidate:
     """One candidate: its label, its score above the best, its held-out figure, and its standing.
 
     ``standing`` is ``"named"`` (the verdict names it), ``"rival"`` (the data cannot tell it from the best),
-    ``"nothing"`` (the nominal model alone) or ``"other"``.
+    ``"nothing"`` (the nominal model alone) or ``"other"``. ``note`` says why it has no score, where it has none.
     """
 
     name: str
@@ -29,6 +29,7 @@ class Candidate:
     held_out: float
     converged: bool
     standing: str
+    note: str = ""
 
 
 _LOOK = {

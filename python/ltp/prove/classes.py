@@ -41,13 +41,21 @@ CLASSES: tuple[Class, ...] = (
     *(
         _class(system, f"input_bias@{u} constant_force@{port}", _OFFSET)
         for system, (u, port, _) in DRIVEN.items()
-        if system != "hopper"
+        if system not in ("hopper", "two_mass")
     ),
     _class(
         "hopper",
         "input_bias@u_c input_bias@u constant_force@leg output_bias@h ground_height@toe",
         "with the height alone, a constant leg force, the height of the ground, the sensor's zero and the rest length "
         "of the leg shift the same number and nothing else",
+    ),
+    _class(
+        "two_mass",
+        "constant_force@motor constant_force@load input_bias@tau",
+        "a constant torque turns both masses alike; the twist that tells where it acts is a ten-thousandth of that",
+    ),
+    _class(
+        "hopper", "input_delay@u output_delay@h", "clock and probe enter by the actuator: if it is late, all is late"
     ),
     _class("pendulum", "input_delay@tau output_delay@theta", _LATE),
     _class("drive", "input_delay@tau output_delay@q", _LATE),

@@ -115,7 +115,8 @@ def read_case(folder: Path) -> tuple[Model, list[Recording], list[Recording]]:
 def _npz(record: Recording) -> bytes:
     columns = dict(zip(record.input_names, record.inputs.T, strict=True))
     columns |= dict(zip(record.output_names, record.outputs.T, strict=True))
+    arrays: dict[str, Any] = {"t": record.t}
+    arrays |= {name: np.ascontiguousarray(values) for name, values in columns.items()}
     buffer = io.BytesIO()
-    # Under keyword arguments of numpy's own, `file` would be taken: names of columns are the model's.
-    np.savez(buffer, t=record.t, **{name: np.ascontiguousarray(values) for name, values in columns.items()})
+    np.savez(buffer, **arrays)
     return buffer.getvalue()

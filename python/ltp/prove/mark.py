@@ -90,11 +90,13 @@ def mark(label: Concealed, result: Mapping[str, Any]) -> Mark:
         right = len(answers) == 2 and all(any(a in s for a in answers) for s in same)
         second = right or any(a in s for a in first for s in same)
     else:
-        right = bool(same) and any(a in same[0] for a in first)
+        right = bool(same) and len(first) == 1 and first[0] in same[0]
         near = {*first, *ranked[:2], *result.get("ambiguous_with", ())}
         second = bool(same) and any(a in same[0] for a in near)
     accepted = ""
-    if named and verdict == "effect":
+    # A set that holds nothing but one class is one answer.
+    one = not pair and bool(same) and all(a in same[0] for a in [*named, *result.get("ambiguous_with", ())])
+    if named and (verdict == "effect" or (verdict == "ambiguous" and one)):
         if clean or outside:
             accepted = "wrong"
         elif pair:

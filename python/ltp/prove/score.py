@@ -159,10 +159,9 @@ def confusion(
         truth = name(m.truth)
         if truth.startswith("outside_"):
             truth = "outside the library"
-        right = m.top1 and m.accepted == "right"
-        answer = truth if right else name(m.answer.partition(" + ")[0])
-        if m.answer.startswith("parameter "):
-            answer = truth if m.top1 else "parameter"
+        answer = truth if m.top1 else name(m.answer.partition(" + ")[0])
+        if m.answer.startswith("parameter ") and not m.top1:
+            answer = "parameter"
         if answer in ("effect", "ambiguous") and m.ranked:
             answer = name(m.ranked[0])
         cells = table.setdefault(truth, {})

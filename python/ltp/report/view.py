@@ -77,6 +77,21 @@ class View:
         }
 
     @property
+    def absorbed(self) -> list[Json]:
+        """Parameters that had soaked up what was missing, the most first."""
+        return entries(self.data.get("absorbed"))
+
+    @property
+    def separate(self) -> list[Json]:
+        """Experiments that would tell the rivals apart, the best first."""
+        return entries(self.data.get("separate"))
+
+    @property
+    def rivals(self) -> list[str]:
+        """What the recordings cannot tell from the best, as `name at place`."""
+        return [text.replace("@", " at ") for text in texts(self.data.get("ambiguous_with"))]
+
+    @property
     def sentence(self) -> str:
         """The verdict in one sentence, as the diagnosis wrote it."""
         return str(self.data.get("sentence") or f"{self.title}.")
@@ -155,8 +170,11 @@ class View:
             elif (name, at) in named:
                 standing = "named"
             label = "nothing added" if name == "nothing" else f"{name} at {at}" if at else name
+            if beside := texts(c.get("with")):
+                label += f" (with {', '.join(one.partition('@')[0] for one in beside)})"
             score, held_out = as_number(c.get("score")), as_number(c.get("held_out"))
-            out.append(Candidate(label, score, held_out, bool(c.get("converged", True)), standing))
+            note = str(c.get("note") or "")
+            out.append(Candidate(label, score, held_out, bool(c.get("converged", True)), standing, note))
         return sorted(out, key=lambda c: c.score if math.isfinite(c.score) else math.inf)
 
     @cached_property
@@ -195,7 +213,10 @@ class View:
             t = array(f.get("t"))
             columns = [array(f.get(key), len(t)) for key in ("position", "velocity", "force", "sd")]
             if len(t) > 1 and np.isfinite(columns[2]).any():
-                out.setdefault(str(f.get("at", "")), []).append(Force(str(f.get("record", "")), t, *columns))
+                phase, mode = f.get("phase"), f.get("mode")
+                along = [array(x, len(t)) if x is not None and len(x) == len(t) else None for x in (phase, mode)]
+                force = Force(str(f.get("record", "")), t, *columns, *along, tuple(texts(f.get("modes"))))
+                out.setdefault(str(f.get("at", "")), []).append(force)
         return out
 
     def law(self, at: str) -> Law | None:

@@ -10,6 +10,7 @@ use super::setups::{Setup, Take};
 use super::trace::{Bench, Meeting};
 use super::{Case, Label, Planted};
 use crate::error::{Error, Result, nearest};
+use crate::model::document::Before;
 use crate::model::{Model, zoo};
 use crate::numeric::rng::SplitMix64;
 use crate::numeric::stats;
@@ -26,6 +27,10 @@ const IMITATED: f64 = 2e-3;
 const VISIBLE: f64 = 60.0;
 /// An output that an effect hardly moves gets the noise of one that moves this share of the most moved one.
 const LEAST: f64 = 0.1;
+/// Strength beyond which an effect is no addition to the machine any more, but another machine.
+const STRONGEST: f64 = 2.0;
+/// Weight of a change in a trace: so fine that what parameters and starts can take up, they do.
+const FINE: f64 = 1e-4;
 /// Draws before a combination is given up.
 const TRIES: usize = 40;
 /// Records: how many of the takes are for training.
@@ -138,7 +143,10 @@ pub fn draw(what: &Draw) -> Result<(Case, Concealed)> {
         }
         nominal = Model::new(nominal.document().clone(), library, "")?;
     }
-    let mut random = SplitMix64::new(what.seed ^ 0x9e37_79b9_7f4a_7c15);
+    // Systems and difficulties of one seed share nothing.
+    let words = what.system.bytes().chain([b' ', what.difficulty as u8]);
+    let mixed = words.fold(what.seed, |s, b| SplitMix64::new(s ^ u64::from(b)).next_u64());
+    let mut random = SplitMix64::new(mixed);
     let mut why = String::new();
     for rejected in 0..TRIES {
         // Each try has its own stream, so that a change of one rule does not change what follows.
@@ -212,13 +220,14 @@ impl Shown {
             .collect()
     }
 
-    /// rms of the change that the nominal parameters cannot imitate, over the change, with all outputs by their spread.
-    fn unlike(&self, setup: &Setup, model: &Model, spread: &[f64], steps: usize) -> Result<(f64, f64)> {
+    /// What the nominal parameters cannot imitate, in units of `size` by output: its rms over that of the change, its
+    /// rms, its sum of squares.
+    fn unlike(&self, setup: &Setup, model: &Model, size: &[f64], steps: usize) -> Result<(f64, f64, f64)> {
         let meetings = self.meetings();
-        let fine: Vec<f64> = spread.iter().map(|s| 1e-4 * s).collect();
+        let fine: Vec<f64> = size.iter().map(|s| FINE * s).collect();
         let (left, whole) = Bench { setup, records: &meetings, sigma: &fine }.left(model, steps)?;
         let count = meetings.iter().map(|m| m.outputs.len()).sum::<usize>() as f64;
-        Ok(((left / whole.max(f64::MIN_POSITIVE)).sqrt(), 1e-4 * (left / count).sqrt()))
+        Ok(((left / whole.max(f64::MIN_POSITIVE)).sqrt(), FINE * (left / count).sqrt(), FINE * FINE * left))
     }
 }
 
@@ -261,18 +270,27 @@ fn attempt(nominal: &Model, what: &Draw, random: &mut SplitMix64) -> Result<(Cas
     let shown = Shown::new(&setup, nominal, &planted, &plain, setup.records())?;
     let sizes: Vec<(f64, f64)> = (0..ny).map(|j| shown.change(j, ny, &plain)).collect();
     let spread: Vec<f64> = sizes.iter().map(|s| s.1).collect();
-    let (mut relative, mut decibels) = (sizes.iter().map(|(c, s)| c / s).collect::<Vec<f64>>(), None);
+    let mut relative: Vec<f64> = sizes.iter().map(|(c, s)| c / s).collect();
+    let (mut decibels, mut visible) = (None, 0.0);
     if count > 0 {
-        let (share, left) = shown.unlike(&setup, nominal, &spread, 3)?;
+        let most = relative.iter().copied().fold(0.0, f64::max);
+        let size: Vec<f64> = relative.iter().zip(&spread).map(|(r, s)| r.max(LEAST * most) * s).collect();
+        let (share, left, energy) = shown.unlike(&setup, nominal, if setup.looped { &spread } else { &size }, 3)?;
+        let db = difficulty.decibels(random);
+        decibels = Some(db);
+        visible = energy * 10f64.powf(db / 10.0);
         if setup.looped {
             // A loop answers an effect by its force, and the free run of an integrator drifts by metres: what counts is the
             // change that parameters and starts cannot take up, at most a twentieth of the motion.
             relative = vec![left.min(0.05); ny];
+            visible /= relative[0] * relative[0];
         }
         if !stated_error && share < IMITATED {
             return Err(rejected("the nominal parameters imitate the effect"));
         }
-        decibels = Some(difficulty.decibels(random));
+        if !stated_error && visible < VISIBLE {
+            return Err(rejected("the effect leaves no trace that could be told from chance"));
+        }
     }
     let most = relative.iter().copied().fold(0.0, f64::max);
     let sigma: Vec<f64> = match decibels {
@@ -287,14 +305,18 @@ fn attempt(nominal: &Model, what: &Draw, random: &mut SplitMix64) -> Result<(Cas
     };
     let meetings = shown.meetings();
     let bench = Bench { setup: &setup, records: &meetings, sigma: &sigma };
-    let visible = if count > 0 { bench.left(nominal, 1)?.0 } else { 0.0 };
-    if count > 0 && visible < VISIBLE && !stated_error {
-        return Err(rejected("the effect leaves no trace that could be told from chance"));
-    }
     // As an engineer would state them: off by half a sigma or so.
     let mut stated = off(nominal, random)?;
     if difficulty == Difficulty::Masked {
         stated = bench.masked(&stated)?;
+    }
+    if let Some(period) = setup.repeats {
+        // What an engineer who repeats an input knows and says: it did so before the record too.
+        let mut document = stated.document().clone();
+        for input in document.inputs.values_mut() {
+            input.before = Some(Before::Periodic { periodic: format!("{period}") });
+        }
+        stated = Model::new(document, stated.library().clone(), "")?;
     }
     let coloured = difficulty == Difficulty::Clean && what.seed % 2 == 1;
     let mut records = Vec::new();
@@ -393,7 +415,7 @@ fn sized(
         s = if next >= ceiling { (s * ceiling).sqrt() } else { next };
     }
     match best {
-        Some((s, found)) if found > 0.3 * low && found < 1.5 * high => Ok(sketch.at_strength(s)),
+        Some((s, found)) if found > 0.3 * low && found < 1.5 * high && s < STRONGEST => Ok(sketch.at_strength(s)),
         _ => Err(rejected("the effect cannot be made as large as was drawn")),
     }
 }

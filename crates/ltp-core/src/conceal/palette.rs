@@ -4,8 +4,9 @@
 use super::Planted;
 use super::machine::Machine;
 use super::setups::Setup;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::model::document::{Definition, FullDefinition};
+use crate::model::parse::parse;
 use crate::model::{Model, Point};
 use crate::numeric::rng::SplitMix64;
 use crate::numeric::stats;
@@ -91,6 +92,8 @@ pub struct Natural {
     pub velocity: f64,
     /// Largest magnitude.
     pub peak: f64,
+    /// Smallest and largest value.
+    pub range: (f64, f64),
     /// Change of a velocity's rate per unit of force.
     pub authority: f64,
     /// Length of the record, s.
@@ -124,6 +127,7 @@ impl Natural {
         let position = column(first);
         let mut out = Self {
             position: stats::std(position.iter().copied()),
+            range: position.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v))),
             peak: position.iter().map(|v| v.abs()).fold(0.0, f64::max),
             velocity: rate(&position),
             time: setup.dt * setup.samples as f64,
@@ -192,6 +196,15 @@ impl Sketch {
             let place = model.document().contacts.get(at).and_then(|c| c.port.clone());
             Natural::of(model, setup, place.as_deref().unwrap_or(at))?
         };
+        let (low, high) = natural.range;
+        // A gap in the middle of a spring that never passes its middle is a constant force.
+        if name == "backlash" && !(low < -0.2 * natural.position && high > 0.2 * natural.position) {
+            return Err(Error::OutOfRange {
+                what: format!("least position of `{at}`"),
+                found: low,
+                expected: "a motion through the middle of the gap".into(),
+            });
+        }
         Ok(Self { name: name.into(), at: at.into(), natural, dice, sign, stated })
     }
 
@@ -269,6 +282,13 @@ impl Sketch {
     }
 }
 
+/// Whether an input, or a signal that depends on time, inputs and parameters only: what an actuator is told.
+fn drives(model: &Model, at: &str) -> bool {
+    let d = model.document();
+    let tree = d.signals.get(at).and_then(|s| parse(s.expression(), "").ok());
+    tree.is_none_or(|t| !d.states.keys().chain(d.signals.keys()).any(|n| t.mentions(n)))
+}
+
 /// Everything that may be concealed in a model: effect and place.
 ///
 /// # Errors
@@ -280,6 +300,9 @@ pub fn places(model: &Model, outside: bool) -> Result<Vec<(String, String)>> {
         let mut here = model.places(name)?;
         if name == "parameter_error" {
             here.extend(model.parameters().iter().filter(|p| p.sd.is_some()).map(|p| p.name.clone()));
+        }
+        if name.starts_with("input_") {
+            here.retain(|at| drives(model, at));
         }
         out.extend(here.into_iter().map(|at| (name.to_string(), at)));
     }

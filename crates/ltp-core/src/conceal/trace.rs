@@ -13,6 +13,8 @@ const WIDE: f64 = 20.0;
 const MASK: f64 = 2.0;
 /// Change of the outputs, in sigmas, that a unit of a start makes: so large that starts are free.
 const LOOSE: f64 = 1e3;
+/// Share of the change (rms) which, once a first step has left it, needs no further steps to be told from imitation.
+const CLEAR: f64 = 0.3;
 /// Steps of the refit that masks.
 const STEPS: usize = 3;
 
@@ -109,6 +111,9 @@ impl Bench<'_> {
             let taken = |k: usize| linear.columns.iter().zip(&step).map(|(c, s)| c[k] * s).sum::<f64>();
             let rest: Vec<f64> = linear.base.iter().enumerate().map(|(k, v)| v - taken(k)).collect();
             least = least.min(energy(&rest));
+            if least > CLEAR * CLEAR * whole {
+                break;
+            }
             let mut values = Vec::new();
             for (&i, s) in linear.free.iter().zip(&step) {
                 let p = &now.parameters()[i];

@@ -161,8 +161,13 @@ fn probes(effect: &Effect, place: &Place, model: &Model) -> Result<Vec<Probe>> {
 fn fill(effect: &Effect, own: &mut [f64], model: &Model) -> Result<()> {
     for (k, (_, p)) in effect.parameters.iter().enumerate() {
         if let (true, Some(text)) = (own[k].is_nan(), &p.start) {
-            let known: IndexMap<&str, f64> =
-                effect.parameters.keys().map(String::as_str).zip(own.iter().copied()).filter(|(_, v)| !v.is_nan()).collect();
+            let known: IndexMap<&str, f64> = effect
+                .parameters
+                .keys()
+                .map(String::as_str)
+                .zip(own.iter().copied())
+                .filter(|(_, v)| !v.is_nan())
+                .collect();
             own[k] = evaluate(text, &known, model.library())?;
         }
     }

@@ -157,9 +157,9 @@ impl LeastSquares for Problem<'_> {
 
     fn evaluate(&mut self, z: &[f64], rows: Option<&mut RowQr>) -> Option<f64> {
         match rows {
-            Some(rows) => self.data(z, Some(&mut |row, r| rows.push(row, r))).map(|c| {
-                c + self.beliefs(z, Some(&mut |row, r| rows.push(row, r)))
-            }),
+            Some(rows) => self
+                .data(z, Some(&mut |row, r| rows.push(row, r)))
+                .map(|c| c + self.beliefs(z, Some(&mut |row, r| rows.push(row, r)))),
             None => self.data(z, None).map(|c| c + self.beliefs(z, None)),
         }
         .filter(|c| c.is_finite())

@@ -19,6 +19,7 @@ mod setup;
 mod sizes;
 mod variation;
 
+pub(super) use geometry::{basis as span, remove as project};
 pub use plan::{Plan, Planned, Signal};
 pub use rivals::{Rival, Suggestion, separating};
 
@@ -29,17 +30,19 @@ use serde::Serialize;
 use super::experiment::Control;
 use super::words::number;
 use crate::error::{Error, Result};
-use crate::model::{Effect, Model, System};
+use crate::model::{Model, System};
 use crate::numeric::stats;
 use crate::simulate::{self, Trajectory};
 use setup::{Candidate, Records};
-use sizes::Sizes;
 use variation::{Start, Variation, variations, widened, with_states_measured};
 
 /// Deviance at which two explanations are told apart, as in the verdict of a diagnosis.
 pub const APART: f64 = 10.0;
 /// Deviance below which nothing speaks for either.
 pub const ALIKE: f64 = 2.0;
+
+/// Cosine of the angle between two changes of the outputs beyond which they are much the same.
+const ALIKE_COSINE: f64 = 0.95;
 
 /// Whether two effects can be told apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -78,6 +81,8 @@ pub struct Tried {
     pub visible: f64,
     /// Whether its square exceeds ten: whether it would be seen at all.
     pub detectable: bool,
+    /// The nominal parameter that does much the same, where one does.
+    pub alike: Option<String>,
 }
 
 impl Tried {
@@ -184,7 +189,14 @@ fn work(model: &Model, plan: &Plan, control: &Control<'_>) -> Result<Isolability
             (control.progress)(&format!("{name}@{place}"), 0.1 + 0.7 * n as f64 / jobs.len().max(1) as f64);
             let effect = model.library().get(name)?;
             let sizes = sizes::at(&wide, effect, place, &runs)?;
-            setup::candidate(&wide, name, place, &reference_of(effect, &sizes, plan.size), &records_of, control)
+            setup::candidate(
+                &wide,
+                name,
+                place,
+                &sizes::reference(&wide, effect, &sizes, plan.size)?,
+                &records_of,
+                control,
+            )
         })
         .collect::<Result<_>>()?;
     for ((name, place), c) in jobs.iter().zip(&tried) {
@@ -201,6 +213,7 @@ fn work(model: &Model, plan: &Plan, control: &Control<'_>) -> Result<Isolability
     let nested: Vec<Vec<bool>> = nested(model, &candidates);
     let separation = symmetric(&now.matrix, &nested);
     let words = separation.iter().map(|row| row.iter().map(|d| Word::of(*d)).collect()).collect();
+    let names: Vec<String> = system.free().iter().map(|&i| wide.parameters()[i].name.clone()).collect();
     let effects: Vec<Tried> = candidates
         .iter()
         .enumerate()
@@ -211,6 +224,7 @@ fn work(model: &Model, plan: &Plan, control: &Control<'_>) -> Result<Isolability
             raw: now.raw[k],
             visible: now.own[k].sqrt(),
             detectable: now.own[k] > APART,
+            alike: now.alike[k].filter(|(_, cosine)| *cosine > ALIKE_COSINE).map(|(i, _)| names[i].clone()),
         })
         .collect();
     let helps = setups(&wide, &records, &varied, &sensors, &spread, &extra)
@@ -244,10 +258,6 @@ fn work(model: &Model, plan: &Plan, control: &Control<'_>) -> Result<Isolability
     out.sentence = sentence(&out);
     (control.progress)("done", 1.0);
     Ok(out)
-}
-
-fn reference_of(effect: &Effect, sizes: &Sizes, share: f64) -> Vec<(String, f64)> {
-    sizes::reference(effect, sizes, share)
 }
 
 fn run(system: &dyn System, start: &Start) -> Result<Trajectory> {

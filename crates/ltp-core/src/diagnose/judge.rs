@@ -220,7 +220,8 @@ fn crossed(bench: &Bench<'_>, nominal: &Trial, trial: &Trial, halves: &Halves) -
                 .map_or(t.fit.point.theta.clone(), |f| f.point.theta);
             let x0 = from_here(&theta, predicted, other);
             let p = full(&t.made.system, &theta);
-            let r = Residuals::of(&t.made.system, &p, (predicted, &x0), (Ground { experiments: &[], ..predicted }, &[]));
+            let r =
+                Residuals::of(&t.made.system, &p, (predicted, &x0), (Ground { experiments: &[], ..predicted }, &[]));
             energy[which] += if r.complete() { r.structural(&r.train) } else { f64::INFINITY };
         }
     }

@@ -52,6 +52,7 @@ struct Memory {
     predicted_cov: DMatrix<f64>,
     filtered: DVector<f64>,
     filtered_cov: DMatrix<f64>,
+    mode: usize,
     /// From this sample to the next.
     transition: DMatrix<f64>,
 }
@@ -62,6 +63,8 @@ pub struct Smoothed {
     pub x: Vec<f64>,
     /// Standard deviation (n, nx).
     pub sd: Vec<f64>,
+    /// Mode (n,).
+    pub mode: Vec<usize>,
 }
 
 impl Filter<'_> {
@@ -147,6 +150,7 @@ impl Filter<'_> {
                 predicted_cov,
                 filtered: x,
                 filtered_cov: cov.clone(),
+                mode: engine.mode(),
                 transition: DMatrix::identity(nx, nx),
             });
             if k % 256 == 0 && self.control.check().is_err() {
@@ -162,7 +166,8 @@ impl Filtered {
     pub fn smooth(&self) -> Smoothed {
         let n = self.steps.len();
         let nx = self.steps.first().map_or(0, |m| m.filtered.len());
-        let mut out = Smoothed { x: vec![0.0; n * nx], sd: vec![0.0; n * nx] };
+        let mode = self.steps.iter().map(|m| m.mode).collect();
+        let mut out = Smoothed { x: vec![0.0; n * nx], sd: vec![0.0; n * nx], mode };
         let Some(last) = self.steps.last() else { return out };
         let (mut x, mut cov) = (last.filtered.clone(), last.filtered_cov.clone());
         for k in (0..n).rev() {

@@ -225,7 +225,7 @@ fn force(
     let nf = system.free().len();
     let mut flow = vec![0.0; nx + nx * nx + nx * nf];
     out.imitable = vec![Vec::new(); nf];
-    let mode = system.initial_mode();
+    let period = system.period(p);
     let mut x = vec![0.0; nx];
     for k in 0..e.len() {
         let t = e.t0 + k as f64 * e.dt;
@@ -236,11 +236,20 @@ fn force(
         out.velocity.push(pv[1]);
         out.force.push(s.x[(k + 1) * nx - 1]);
         out.sd.push(s.sd[(k + 1) * nx - 1]);
+        // A mode of the document, whether or not its friction sticks.
+        let name = system.mode_name(s.mode[k]);
+        let name = name.split(", ").next().unwrap_or_default();
+        let known = out.modes.iter().position(|m| m == name);
+        out.mode.push(known.unwrap_or(out.modes.len()));
+        if known.is_none() {
+            out.modes.push(name.to_owned());
+        }
+        out.phase.extend(period.map(|period| (t / period).rem_euclid(1.0)));
         // A parameter's change moves the rates; what of that lies along the port's action is a force there. The missing
         // force itself stays out: with it, the common scale of all forces would be a parameter that explains anything.
         x.copy_from_slice(&s.x[k * nx..(k + 1) * nx]);
         x[nx - 1] = 0.0;
-        system.flow_jacobian(mode, Point { t, x: &x, u: &u, p }, &mut flow);
+        system.flow_jacobian(s.mode[k], Point { t, x: &x, u: &u, p }, &mut flow);
         let action = |i: usize| flow[nx + i * nx + nx - 1];
         let own: f64 = (0..nx).map(|i| action(i).powi(2)).sum();
         for (c, column) in out.imitable.iter_mut().enumerate() {

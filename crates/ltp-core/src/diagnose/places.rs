@@ -121,8 +121,9 @@ fn waves(forces: &[Force]) -> Waves {
     };
     let peaks = |numbers: Vec<f64>, x: &[f64]| -> Vec<f64> {
         let power: Vec<f64> = numbers.iter().map(|k| over(x, *k)).collect();
-        let mut tops: Vec<usize> =
-            (1..power.len().saturating_sub(1)).filter(|&i| power[i] > power[i - 1] && power[i] >= power[i + 1]).collect();
+        let mut tops: Vec<usize> = (1..power.len().saturating_sub(1))
+            .filter(|&i| power[i] > power[i - 1] && power[i] >= power[i + 1])
+            .collect();
         tops.sort_by(|a, b| power[*b].total_cmp(&power[*a]));
         tops.into_iter().take(PERIODS).map(|i| numbers[i]).collect()
     };

@@ -46,7 +46,7 @@ pub fn check(model: &Model, train: &[Experiment], test: &[Experiment]) -> Result
     leaks(train, test, &mut warnings)?;
     sampling(train, test, &mut warnings);
     sensor::check(model, train, test, &mut warnings)?;
-    scale::check(model, &system, train)?;
+    scale::check(model, train)?;
     Ok(warnings)
 }
 
@@ -265,5 +265,28 @@ fn sampling(train: &[Experiment], test: &[Experiment], warnings: &mut Vec<String
             first.name,
             number(first.dt)
         ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::zoo;
+    use crate::simulate::Inputs;
+
+    #[test]
+    fn a_record_of_another_machine_is_a_stranger() {
+        let model = zoo("drive").unwrap();
+        let mut e = Experiment::planned("run", (0.0, 0.01), 500, 1, Inputs::constant(&[0.0]));
+        e.y = (0..500).map(|k| (0.02 * f64::from(k)).sin()).collect();
+        let train = [e.clone()];
+        let residual = |share: f64| vec![e.y.iter().map(|y| share * y / 1e-3).collect::<Vec<f64>>()];
+        let all = stranger(&model, &train, &[1e-3], &residual(1.1), &[]);
+        assert!(all.unwrap().to_string().contains("explains nothing"));
+        assert!(stranger(&model, &train, &[1e-3], &residual(0.5), &[]).is_none());
+        // An effect that explains it makes it no stranger.
+        assert!(stranger(&model, &train, &[1e-3], &residual(1.1), &[&residual(0.1)]).is_none());
+        // Motion at the noise level is no evidence.
+        assert!(stranger(&model, &train, &[0.5], &residual(1.1), &[]).is_none());
     }
 }

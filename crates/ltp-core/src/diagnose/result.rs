@@ -277,6 +277,12 @@ pub struct Force {
     pub force: Vec<f64>,
     /// One standard deviation.
     pub sd: Vec<f64>,
+    /// Names of the modes that were passed through, in the order of their first sample.
+    pub modes: Vec<String>,
+    /// Mode of each sample, as its place in `modes`.
+    pub mode: Vec<usize>,
+    /// Phase of the clock in [0, 1); empty where there is no clock.
+    pub phase: Vec<f64>,
     /// Force that a unit change of each uncertain nominal parameter would look like.
     pub imitable: Vec<Vec<f64>>,
 }

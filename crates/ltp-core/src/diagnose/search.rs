@@ -21,11 +21,15 @@ const FIRST: Effort = Effort { iterations: 5, ftol: 1e-3 };
 const SECOND: Effort = Effort { iterations: 12, ftol: 1e-4 };
 /// Ways of looking at a candidate that are followed.
 const FOLLOWED: usize = 2;
+/// Share of the best look's gain that another one must promise to be followed too.
+const ALSO: f64 = 0.7;
 /// Candidates that go on after the first steps, and after the second.
 const LEADERS: usize = 12;
 const FINALISTS: usize = 6;
 /// Distance in cost within which a candidate goes on in any case, and the share of the best one's gain.
 const NEAR: [(f64, f64); 2] = [(40.0, 0.3), (30.0, 0.05)];
+/// Mean square residual in units of noise below which a candidate explains everything.
+const REACHED: f64 = 1.08;
 /// Mean square residual in units of noise above which finalists are looked for from every start.
 const ROUGH_LEFT: f64 = 1.3;
 /// Relative difference of cost below which two fits ended in the same valley.
@@ -113,14 +117,14 @@ pub fn search(bench: &Bench<'_>, base: &Trial, jobs: &[(String, Place)], share: 
         runners.iter().filter_map(|r| Some((r.newest(), (r.base_point()?, r.own_parameters())))).collect();
     runners.par_iter_mut().filter(|r| r.candidate.extends.is_some()).try_for_each(|r| r.inherit(bench, &simple))?;
 
-    let zero = base.fit.cost;
+    let samples: f64 = screen_samples(bench);
+    let zero = (base.fit.cost, samples);
     let mut alive = best(&runners, zero, NEAR[0], LEADERS);
     chosen(&mut runners, &alive).into_par_iter().try_for_each(|r| {
         tell(&r.candidate.label(), 1.0);
         r.more(bench, SECOND)
     })?;
     alive = best(&runners, zero, NEAR[1], FINALISTS);
-    let samples: f64 = screen_samples(bench);
     let lowest = runners.iter().filter_map(Runner::cost).fold(f64::INFINITY, f64::min);
     let everywhere = lowest > ROUGH_LEFT * samples;
     if everywhere {
@@ -152,24 +156,27 @@ fn screen_samples(bench: &Bench<'_>) -> f64 {
 }
 
 /// The runners that go on: those near the best and the first few, with the simpler laws that they contain.
-fn best(runners: &[Runner], zero: f64, near: (f64, f64), few: usize) -> Vec<usize> {
+fn best(runners: &[Runner], (zero, samples): (f64, f64), near: (f64, f64), few: usize) -> Vec<usize> {
     let mut order: Vec<(usize, f64)> = runners.iter().enumerate().filter_map(|(i, r)| Some((i, r.cost()?))).collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1));
     let Some(&(_, lowest)) = order.first() else { return Vec::new() };
-    let window = near.0 + near.1 * (zero - lowest).max(0.0);
+    // Where the best explains everything, whoever is far from it stays far.
+    let share = if lowest < REACHED * samples { 0.0 } else { near.1 };
+    let window = near.0 + 0.02 * samples + share * (zero - lowest).max(0.0);
     let mut out: Vec<usize> = order
         .iter()
         .enumerate()
-        .filter(|(rank, (_, c))| *rank < 3 || (*rank < few && c - lowest <= window))
+        .filter(|(rank, (_, c))| *rank < 2 || (*rank < few && c - lowest <= window))
         .map(|(_, (i, _))| *i)
         .collect();
     for i in out.clone() {
         let (name, at) = runners[i].newest();
         let contained = runners[i].candidate.extends.as_ref();
         let contains = |r: &Runner| r.candidate.extends.as_ref() == Some(&name) && r.newest().1 == at;
-        let family = runners.iter().enumerate().filter(|(_, r)| {
-            contains(r) || contained.is_some_and(|c| r.newest() == (c.clone(), at.clone()))
-        });
+        let family = runners
+            .iter()
+            .enumerate()
+            .filter(|(_, r)| contains(r) || contained.is_some_and(|c| r.newest() == (c.clone(), at.clone())));
         out.extend(family.filter(|(_, r)| r.cost().is_some()).map(|(k, _)| k));
     }
     out.sort_unstable();
@@ -209,6 +216,8 @@ impl Runner {
         findings.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let imitated = !findings.is_empty() && findings.iter().all(|f| f.imitated);
         findings.truncate(FOLLOWED);
+        let promised = findings.first().map_or(0.0, |f| f.gain);
+        findings.retain(|f| f.gain >= ALSO * promised);
         Ok(Self { candidate, findings, fit: None, imitated })
     }
 
@@ -293,13 +302,23 @@ impl Runner {
     fn last(&mut self, bench: &Bench<'_>, base: &Trial, everywhere: bool) -> Result<()> {
         self.more(bench, FINE)?;
         let Some(so_far) = self.fit.clone() else { return Ok(()) };
-        let stated: Vec<f64> = base.made.priors.iter().zip(&base.fit.point.theta).map(|(p, v)| if p.sd.is_finite() { p.mean } else { *v }).collect();
+        let stated: Vec<f64> = base
+            .made
+            .priors
+            .iter()
+            .zip(&base.fit.point.theta)
+            .map(|(p, v)| if p.sd.is_finite() { p.mean } else { *v })
+            .collect();
         let beginning = Point { theta: stated, x0: bench.train_start.to_vec() };
         let start = joined(&self.candidate, &beginning, &self.own_values());
         let subject = self.candidate.made.subject();
         if everywhere {
             let mut starts = vec![start];
-            starts.extend(self.findings.iter().map(|f| joined(&self.candidate, &beginning, &f.start.theta[self.candidate.own[0]..])));
+            starts.extend(
+                self.findings
+                    .iter()
+                    .map(|f| joined(&self.candidate, &beginning, &f.start.theta[self.candidate.own[0]..])),
+            );
             let fit = descend(bench, &subject, &starts, bench.train_ties)?;
             self.keep(fit);
         } else {

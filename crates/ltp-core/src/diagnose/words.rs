@@ -84,8 +84,10 @@ pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
     });
     match d.verdict {
         Verdict::Consistent if remaining(&d.fit) > DOUBTFUL => {
-            format!("No physics of the library is missing as far as these recordings can tell{errors}; what is left above \
-                     the noise stays unexplained.")
+            format!(
+                "No physics of the library is missing as far as these recordings can tell{errors}; what is left above \
+                     the noise stays unexplained."
+            )
         }
         Verdict::Consistent => format!("The model explains the recordings: nothing needs to be added{errors}."),
         Verdict::Parameter => {

@@ -154,6 +154,7 @@ pub fn minimise(problem: &mut dyn LeastSquares, x0: &[f64], settings: &Settings)
     remember(&mut weights, &local.r);
     let (mut lambda, mut growth) = (settings.initial_lambda.max(*LAMBDA.start()), 2.0_f64);
     let mut flat = 0;
+    let mut confident = false;
     let stop = 'outer: loop {
         // What an almost undamped step promises: the whole decrease that is left, in the linearised problem.
         let left = local.step(&x, *LAMBDA.start(), &weights, settings).map_or(0.0, |step| step.decrease);
@@ -174,16 +175,27 @@ pub fn minimise(problem: &mut dyn LeastSquares, x0: &[f64], settings: &Settings)
                 break 'outer if arrived { StopReason::StepSmall } else { StopReason::Stalled };
             }
             let trial = step.to;
+            // After a step that went well the next one will too: it is linearised at once, which costs less than to look
+            // first and to linearise then.
             evaluations += 1;
-            let found = problem.evaluate(&trial, None).filter(|c| c.is_finite() && *c <= HUGE * cost);
-            let accepted = match found {
-                Some(lower) if lower < cost => {
-                    iterations += 1;
-                    evaluations += 1;
-                    linearise(problem, &trial, &mut rows, settings).filter(|(c, _)| *c <= cost)
-                }
-                _ => None,
+            let (found, accepted) = if confident {
+                iterations += 1;
+                let ahead = linearise(problem, &trial, &mut rows, settings);
+                let found = ahead.as_ref().map(|(c, _)| *c).filter(|c| *c <= HUGE * cost);
+                (found, ahead.filter(|(c, _)| *c < cost))
+            } else {
+                let found = problem.evaluate(&trial, None).filter(|c| c.is_finite() && *c <= HUGE * cost);
+                let accepted = match found {
+                    Some(lower) if lower < cost => {
+                        iterations += 1;
+                        evaluations += 1;
+                        linearise(problem, &trial, &mut rows, settings).filter(|(c, _)| *c <= cost)
+                    }
+                    _ => None,
+                };
+                (found, accepted)
             };
+            confident = false;
             let Some((next, linearised)) = accepted else {
                 lambda *= if found.is_some() { growth } else { growth.max(10.0) };
                 growth *= 2.0;
@@ -194,6 +206,7 @@ pub fn minimise(problem: &mut dyn LeastSquares, x0: &[f64], settings: &Settings)
             let promised_little = gained <= settings.ftol * cost && step.decrease <= settings.ftol * cost;
             flat = if promised_little { flat + 1 } else { 0 };
             let was_free = lambda <= 1.0;
+            confident = ratio > 0.5;
             lambda = (lambda * (1.0 - (2.0 * ratio.min(2.0) - 1.0).powi(3)).max(1.0 / 3.0)).max(*LAMBDA.start());
             growth = 2.0;
             (x, cost, local) = (trial, next, linearised);

@@ -51,10 +51,24 @@ def _sentence(view: View, shifts: list[Shift]) -> str:
         if view.verdict == "parameter":
             return f"{first.name} is off: it moved by {size} stated standard deviations, and then the model fits."
         return f"No parameter had to move by more than {size} stated standard deviations."
+    soaked = view.absorbed
+    if soaked:
+        return _alarm(soaked)
     text = f"Without the effect, {first.name} had to move by {size} stated standard deviations to make up for it"
     if math.isfinite(first.after):
         text += f"; with the effect, by {significant(abs(first.after), 2)}"
     return text + "."
+
+
+def _alarm(soaked: list[Json]) -> str:
+    """The absorption alarm in a sentence: what looked like these parameters, and by how much."""
+    parts = []
+    for row in soaked[:3]:
+        unit, sigmas = str(row.get("unit") or ""), significant(as_number(row.get("sigmas")), 2)
+        before, after = (quantity(row.get(key), unit, None, 4) for key in ("before", "after"))
+        parts.append(f"{row.get('parameter')} ({before} instead of {after}: {sigmas} of its standard deviations)")
+    more = f" and {len(soaked) - 3} more" if len(soaked) > 3 else ""
+    return f"Before it had a name, what was missing hid in {', '.join(parts)}{more}."
 
 
 def _table(view: View) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from ltp.plots import axis_of, missing_force
-from ltp.plots.numbers import pretty_unit, significant
+import math
+
+from ltp.plots import axis_of, force_over_phase, missing_force
+from ltp.plots.numbers import as_number, pretty_unit, significant
 
 from ..markup import Section, details, figure, paragraph, table
 from ..view import View, dependence
@@ -42,6 +44,15 @@ def _figure(view: View, at: str, index: int) -> str:
         caption += " The band around the law is two sigma."
     caption += f" Over time: record {forces[0].record}."
     out = figure(drawing, f"force{index}", f"Estimated missing force at port {at} against {main}. {caption}", caption)
+    clocked = [f for f in forces if f.phase is not None and len(f.phase)]
+    if clocked:
+        marks = [p for place in view.locations if place.get("at") == at for p in _numbers(place.get("phases"))]
+        text = (
+            f"The same force at port {at} over the phase of the clock. Shaded: the middle half of the samples of a bin."
+        )
+        if marks:
+            text += " Dashed: where it acts, as located."
+        out += figure(force_over_phase(clocked, units=view.units(at), phases=marks), f"phase{index}", text, text)
     if law is not None and view.verdict == "unknown":
         units = view.units(at)
         step = max(1, len(law.grid) // 40)
@@ -55,3 +66,13 @@ def _figure(view: View, at: str, index: int) -> str:
     if law is None and view.added:
         out += paragraph("No law is drawn here: what was added does not act as a force at this port alone.")
     return out
+
+
+def _numbers(phases: object) -> list[float]:
+    """Phases, and the two ends of intervals of phase, as one list."""
+    flat = [
+        end
+        for p in (phases if isinstance(phases, (list, tuple)) else [])
+        for end in (p if isinstance(p, list) else [p])
+    ]
+    return [value for end in flat if math.isfinite(value := as_number(end))]

@@ -23,7 +23,8 @@ def html(view: View) -> str:
             "</header>",
             _tiles(view),
             _effects(view),
-            *[paragraph(_where(location)) for location in view.locations],
+            *[f"<p>{prose(_where(location))}</p>" for location in view.locations],
+            _alarm(view),
         )
         if part
     )
@@ -105,7 +106,17 @@ def _effects(view: View) -> str:
     return table(head, rows, text_columns=3)
 
 
+def _alarm(view: View) -> str:
+    """What physics forbids, said where nobody can miss it."""
+    said = [f"{row.get('parameter')}: {row.get('forbidden')}" for row in view.absorbed if row.get("forbidden")]
+    items = "".join(f"<li>{prose(text)}</li>" for text in said)
+    return f'<ul class="warnings">{items}</ul>' if said else ""
+
+
 def _where(location: Json) -> str:
+    if location.get("sentence"):
+        sentence = parse_sentence(str(location["sentence"])).strip().rstrip(".")
+        return f"Where: {sentence}."
     kind, at = str(location.get("kind") or "port"), str(location.get("at") or "")
     parts = [f"Where: {kind} {at}"]
     if location.get("mode"):

@@ -21,17 +21,17 @@ def section(view: View) -> Section | None:
     candidates = view.candidates
     if not candidates:
         return None
-    drawn = [c for i, c in enumerate(candidates) if i < MOST_BARS or c.standing != "other"]
+    ranked = [c for c in candidates if math.isfinite(c.score)] or candidates
+    drawn = [c for i, c in enumerate(ranked) if i < MOST_BARS or c.standing != "other"]
     caption = "Score: misfit on training and held-out records plus a charge for each parameter; smaller is better."
-    if len(drawn) < len(candidates):
-        caption += f" {len(candidates) - len(drawn)} further candidates are in the table."
+    if len(drawn) < len(ranked):
+        caption += f" {len(ranked) - len(drawn)} further candidates are in the table."
+    if len(ranked) < len(candidates):
+        caption += f" {len(candidates) - len(ranked)} have no score; the table says why."
     rows = [
-        [c.name, _STANDING[c.standing], "yes" if c.converged else "no", significant(c.score), significant(c.held_out)]
-        for c in candidates
+        [c.name, _STANDING[c.standing] or c.note, significant(c.score), significant(c.held_out)] for c in candidates
     ]
-    every = table(
-        ["candidate", "standing", "converged", "score above the best", "held-out score"], rows, text_columns=3
-    )
+    every = table(["candidate", "standing", "score above the best", "held-out score"], rows, text_columns=2)
     body = figure(ranking(drawn), "ranking", f"Ranking of the candidates. {_sentence(view)}", caption)
     return Section("ranking", "What else was tried", _sentence(view), body + details("All candidates", every))
 

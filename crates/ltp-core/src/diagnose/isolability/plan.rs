@@ -177,16 +177,10 @@ impl Plan {
                     context: "effects".into(),
                 });
             }
-            jobs.extend(places(model, &name)?.into_iter().map(|place| (name.clone(), place)));
+            jobs.extend(model.places(&name)?.into_iter().map(|place| (name.clone(), place)));
         }
         Ok(jobs)
     }
-}
-
-/// Where an effect may act.
-fn places(model: &Model, effect: &str) -> Result<Vec<String>> {
-    let on = model.library().get(effect)?.on.as_str();
-    Ok(if on == "port" { model.ports().into_iter().map(String::from).collect() } else { Vec::new() })
 }
 
 /// Samples of an expression of `t`, which may name the model's parameters.

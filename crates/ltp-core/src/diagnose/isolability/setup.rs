@@ -3,11 +3,11 @@
 
 use indexmap::IndexMap;
 
-use super::super::fit::full;
-use super::super::trial::short;
 use super::super::experiment::{Control, Experiment, Run};
 use super::super::fit::Ground;
+use super::super::fit::full;
 use super::super::prepare;
+use super::super::trial::short;
 use super::geometry::{basis, distance, remove};
 use super::variation::Start;
 use super::{Size, sizes};
@@ -76,6 +76,8 @@ pub struct Shown {
     pub raw: Vec<f64>,
     /// Square of what nominal parameters and initial states leave of the change.
     pub own: Vec<f64>,
+    /// The free parameter whose effect is most alike, and the cosine between the two; `None` where a state is.
+    pub alike: Vec<Option<(usize, f64)>>,
     /// Square of what the effect of the column leaves of that of the row.
     pub matrix: Vec<Vec<f64>>,
 }
@@ -142,19 +144,22 @@ impl<'a> Records<'a> {
                 nominal.push(column);
             }
         }
-        let nominal = basis(&nominal);
-        let mut raw = Vec::new();
+        let (mut raw, mut alike) = (Vec::new(), Vec::new());
+        let columns = nominal;
+        let nominal = basis(&columns);
         let projected: Vec<Vec<Vec<f64>>> = candidates
             .iter()
             .map(|c| {
-                let columns = c.columns[0].len();
-                (0..columns)
+                (0..c.columns[0].len())
                     .map(|j| {
                         let mut column = stacked(&|r, i| c.columns[r][j][i]);
                         if j == 0 {
                             raw.push(stats::rms(column.iter().copied()));
                         }
                         column.extend(vec![0.0; np]);
+                        if j == 0 {
+                            alike.push(most_alike(&columns, &column).filter(|(k, _)| *k < np));
+                        }
                         remove(&nominal, &mut column);
                         column
                     })
@@ -169,8 +174,17 @@ impl<'a> Records<'a> {
                     .collect()
             })
             .collect();
-        Shown { raw, own, matrix }
+        Shown { raw, own, alike, matrix }
     }
+}
+
+/// The column that points most in the direction of another, and the magnitude of their cosine.
+fn most_alike(columns: &[Vec<f64>], to: &[f64]) -> Option<(usize, f64)> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let own = dot(to, to);
+    let cosine = |c: &Vec<f64>| dot(c, to).abs() / (dot(c, c) * own).sqrt();
+    let all = columns.iter().map(cosine).enumerate().filter(|(_, c)| c.is_finite());
+    all.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// An effect at its reference size; `None` where it cannot be simulated along some record.

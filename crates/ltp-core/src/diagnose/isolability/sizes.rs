@@ -1,8 +1,11 @@
 //! Natural sizes at the places where effects may act, from the nominal model's own motion, and the reference size of effects.
 
+use indexmap::IndexMap;
+
 use super::super::prepare;
 use crate::error::Result;
-use crate::model::{Backend, Effect, Model, Point, System, effects};
+use crate::model::document::{Definition, Parameter, State};
+use crate::model::{Backend, Document, Effect, Model, Point, System, effects};
 use crate::numeric::stats;
 use crate::simulate::Trajectory;
 
@@ -47,7 +50,7 @@ pub fn at(model: &Model, effect: &Effect, place: &str, runs: &[Trajectory]) -> R
     }
 }
 
-/// Size and time of one sampled column: about its mean where `centre` is one.
+/// Size and time of one sampled column: its spread about the mean where `centre` is one, its largest value where it is zero.
 fn signal(
     word: &'static str,
     column: Option<usize>,
@@ -61,7 +64,8 @@ fn signal(
         let width = values.len() / r.t.len().max(1);
         let v: Vec<f64> = values.iter().skip(j).step_by(width.max(1)).copied().collect();
         let mean = centre * stats::mean(v.iter().copied());
-        size = size.max(stats::rms(v.iter().map(|v| v - mean)));
+        let largest = v.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        size = size.max(if centre > 0.0 { stats::rms(v.iter().map(|v| v - mean)) } else { largest });
         let dt = if r.t.len() > 1 { r.t[1] - r.t[0] } else { 1.0 };
         rate = rate.max(stats::rms(v.windows(2).map(|w| (w[1] - w[0]) / dt)));
     }
@@ -112,25 +116,47 @@ fn port(model: &Model, port: &str, runs: &[Trajectory]) -> Result<Sizes> {
     Ok(Sizes(vec![("position", position), ("velocity", velocity), ("force", force), ("time", velocity / rate)]))
 }
 
-/// The parameters of an effect at a share of its natural size: amplitudes at that share, shapes in the middle of their range.
-pub fn reference(effect: &Effect, sizes: &Sizes, share: f64) -> Vec<(String, f64)> {
+/// The parameters of an effect at a share of its natural size: amplitudes that far from where the effect is absent, shapes in
+/// the middle of their range, others at their usual value.
+///
+/// # Errors
+/// What an expression that gives a starting value may have wrong.
+pub fn reference(model: &Model, effect: &Effect, sizes: &Sizes, share: f64) -> Result<Vec<(String, f64)>> {
     let mut out: Vec<(String, f64)> = Vec::new();
     for (name, p) in &effect.parameters {
         let size = sizes.of(&p.scale);
-        let value = if !p.shape.is_empty() {
-            p.shape[p.shape.len() / 2] * size
-        } else if p.start.is_some() {
-            1.5 * out.first().map_or(share * size, |(_, v)| *v)
-        } else {
-            share * size
+        let value = match (&p.start, p.sd) {
+            _ if !p.shape.is_empty() => p.shape[p.shape.len() / 2] * size,
+            (Some(start), _) => evaluated(model, start, &out)?,
+            (None, Some(_)) => p.default_value(),
+            (None, None) => p.neutral + share * size,
         };
         let value = value.max(p.min.unwrap_or(f64::NEG_INFINITY)).min(p.max.unwrap_or(f64::INFINITY));
         out.push((name.clone(), value));
     }
-    out
+    Ok(out)
+}
+
+/// An expression of parameters that are known already.
+fn evaluated(model: &Model, text: &str, known: &[(String, f64)]) -> Result<f64> {
+    let parameter = |v: f64| Parameter { value: v, ..Parameter::default() };
+    let document = Document {
+        name: "start".into(),
+        states: IndexMap::from([("rest_".to_string(), State { value: 0.0, unit: None })]),
+        parameters: known.iter().map(|(n, v)| (n.clone(), parameter(*v))).collect(),
+        flow: IndexMap::from([("rest_".to_string(), "0".to_string())]),
+        outputs: IndexMap::from([("value_".to_string(), Definition::Plain(text.into()))]),
+        ..Document::default()
+    };
+    let system = Model::new(document, model.library().clone(), "start")?.compile_for(Vec::new(), Backend::Plain);
+    let mut out = [0.0];
+    system.output(0, Point { t: 0.0, x: &[0.0], u: &[], p: system.parameters() }, &mut out);
+    Ok(out[0])
 }
 
 /// Whether the outputs' change is in proportion to the effect's only parameter, so that a derivative says it all.
 pub fn linear(effect: &Effect) -> bool {
-    effect.law.is_some() && effect.states.is_empty() && effect.parameters.len() == 1
+    let alone =
+        effect.parameters.len() == 1 && effect.parameters.values().all(|p| p.shape.is_empty() && p.neutral == 0.0);
+    effect.on == "port" && effect.law.is_some() && effect.states.is_empty() && alone
 }

@@ -7,7 +7,7 @@ use super::super::experiment::{Control, Experiment, Run};
 use super::super::fit::{self, Effort, Ground, Point, Subject};
 use super::super::words::number;
 use crate::error::{Error, Result};
-use crate::model::{self, Compiled, Model, System};
+use crate::model::{self, Backend, Compiled, Model, System};
 use crate::numeric::stats;
 use crate::simulate::{Hold, Inputs};
 
@@ -48,10 +48,11 @@ fn mistaken(unit: &str) -> Vec<(f64, String)> {
 }
 
 /// Looks for one column in a wrong unit.
-pub fn check(model: &Model, system: &Compiled, train: &[Experiment]) -> Result<()> {
+pub fn check(model: &Model, train: &[Experiment]) -> Result<()> {
+    let system = &model.compile_for(Vec::new(), Backend::Native);
     let Some(e) = train.iter().max_by(|a, b| energy(a).total_cmp(&energy(b))) else { return Ok(()) };
     let short = e.part(0, e.len().min(STRETCH));
-    let Some(error) = error(model, system, &short)? else { return Ok(()) };
+    let Some(error) = error(system, &short)? else { return Ok(()) };
     if error < ASTRAY {
         return Ok(());
     }
@@ -71,7 +72,7 @@ pub fn check(model: &Model, system: &Compiled, train: &[Experiment]) -> Result<(
     let mut best: Option<(f64, &Guess)> = None;
     for guess in &guesses {
         // What ranges over so little in the model's own unit that the guess would be absurd still fails by its error.
-        let Some(found) = self::error(model, system, &guess.corrected(&short)?)? else { continue };
+        let Some(found) = self::error(system, &guess.corrected(&short)?)? else { continue };
         if best.is_none_or(|(b, _)| found < b) {
             best = Some((found, guess));
         }
@@ -125,7 +126,7 @@ fn energy(e: &Experiment) -> f64 {
 
 /// Error over motion of the worst output when the stated model runs freely from the best initial state; infinite where it
 /// cannot, `None` where there is nothing to compare.
-fn error(model: &Model, system: &Compiled, e: &Experiment) -> Result<Option<f64>> {
+fn error(system: &Compiled, e: &Experiment) -> Result<Option<f64>> {
     let cancelled = AtomicBool::new(false);
     let control = Control { cancelled: &cancelled, progress: &|_, _| {} };
     let spread: Vec<f64> = (0..e.outputs()).map(|j| stats::std(e.output(j))).collect();
@@ -150,8 +151,15 @@ fn error(model: &Model, system: &Compiled, e: &Experiment) -> Result<Option<f64>
     let Some(fitted) = fit::stage(&subject, ground, &from, &[start], None, EFFORT) else {
         return Ok(Some(f64::INFINITY));
     };
-    let p = system.parameters();
-    let run = Run { system, p, x0: &fitted.point.x0[0], experiment: e, substeps: 1, observer: None, control: &control };
+    let run = Run {
+        system,
+        p: stated,
+        x0: &fitted.point.x0[0],
+        experiment: e,
+        substeps: 1,
+        observer: None,
+        control: &control,
+    };
     let Some(y) = run.outputs() else { return Ok(Some(f64::INFINITY)) };
     let ny = e.outputs();
     let of = |j: usize| stats::rms(y.iter().zip(&e.y).skip(j).step_by(ny).map(|(y, m)| y - m)) / spread[j];

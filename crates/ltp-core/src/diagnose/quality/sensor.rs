@@ -3,7 +3,7 @@
 use super::super::experiment::Experiment;
 use super::super::words::{number, quantity};
 use crate::error::{Error, Result};
-use crate::model::Model;
+use crate::model::{Backend, Model, Point, System};
 use crate::numeric::stats;
 
 /// Samples in a row at one extreme that are a plateau, not a turning point.
@@ -51,6 +51,30 @@ fn clipped(y: &[f64]) -> Vec<usize> {
     rows
 }
 
+/// Which outputs a mode of the model holds still, as the ground holds a toe: they stop at an extreme without any sensor's fault.
+fn rests(model: &Model) -> Vec<bool> {
+    let system = model.compile_for(Vec::new(), Backend::Plain);
+    let (nx, ny) = (system.states(), system.outputs());
+    // Away from rest, where a rate that vanishes does so for every state.
+    let x: Vec<f64> = system.initial_state().iter().map(|x| x + 0.1 * (1.0 + x.abs())).collect();
+    let u = vec![0.0; system.inputs()];
+    let at = Point { t: 0.0, x: &x, u: &u, p: system.parameters() };
+    let mut out = vec![false; ny];
+    if model.modes().len() < 2 {
+        return out;
+    }
+    let (mut rates, mut jacobian) = (vec![0.0; nx], vec![0.0; ny * (1 + nx)]);
+    for mode in model.modes().iter().filter_map(|m| model.mode(m).ok()) {
+        system.flow(mode, at, &mut rates);
+        system.output_jacobian(mode, at, &mut jacobian);
+        for (j, held) in out.iter_mut().enumerate() {
+            let row = &jacobian[ny + j * nx..ny + (j + 1) * nx];
+            *held |= row.iter().any(|c| *c != 0.0) && row.iter().zip(&rates).all(|(c, f)| c * f == 0.0);
+        }
+    }
+    out
+}
+
 /// Step of a quantised output: the one distance of which all distances between its levels are multiples; 0 where it has none.
 fn step(y: &[f64]) -> f64 {
     let mut levels: Vec<f64> = y.iter().copied().filter(|v| v.is_finite()).collect();
@@ -79,11 +103,11 @@ pub fn quantisation(train: &[Experiment]) -> Vec<f64> {
 
 /// Makes gaps of the samples at which a sensor is at its end: they say only that the truth is beyond. Returns the number of
 /// samples that became gaps.
-pub fn clipped_to_gaps(experiments: &mut [Experiment]) -> usize {
-    let mut count = 0;
+pub fn clipped_to_gaps(model: &Model, experiments: &mut [Experiment]) -> usize {
+    let (mut count, rests) = (0, rests(model));
     for e in experiments {
         let ny = e.outputs();
-        for j in 0..ny {
+        for j in (0..ny).filter(|j| !rests[*j]) {
             let y: Vec<f64> = e.output(j).collect();
             for k in clipped(&y) {
                 e.y[k * ny + j] = f64::NAN;
@@ -96,7 +120,8 @@ pub fn clipped_to_gaps(experiments: &mut [Experiment]) -> usize {
 
 /// Ends and steps of the sensors of all outputs.
 pub fn check(model: &Model, train: &[Experiment], test: &[Experiment], warnings: &mut Vec<String>) -> Result<()> {
-    for (j, name) in model.outputs().iter().enumerate() {
+    let rests = rests(model);
+    for (j, name) in model.outputs().iter().enumerate().filter(|(j, _)| !rests[*j]) {
         let unit = model.unit(name).unwrap_or("1");
         for e in train.iter().chain(test) {
             let y: Vec<f64> = e.output(j).collect();
@@ -136,4 +161,49 @@ pub fn check(model: &Model, train: &[Experiment], test: &[Experiment], warnings:
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wave(n: usize) -> Vec<f64> {
+        (0..n).map(|k| (0.05 * k as f64).sin() + 0.4 * (0.13 * k as f64).cos()).collect()
+    }
+
+    #[test]
+    fn a_cut_wave_is_clipped_and_a_machine_at_rest_is_not() {
+        let whole = wave(1000);
+        assert!(clipped(&whole).is_empty());
+        let cut: Vec<f64> = whole.iter().map(|v| v.clamp(-0.8, 0.8)).collect();
+        let expected = whole.iter().filter(|v| v.abs() >= 0.8).count();
+        assert_eq!(clipped(&cut).len(), expected);
+        // From rest at one end to rest at the other, as a carriage under a smooth profile, read by an encoder.
+        let carriage: Vec<f64> = (0..2000)
+            .map(|k| {
+                let s = ((k as f64 / 500.0) % 2.0 - 0.5).clamp(0.0, 1.0);
+                ((s - (std::f64::consts::TAU * s).sin() / std::f64::consts::TAU) * 1e4).round() / 1e4
+            })
+            .collect();
+        assert!(clipped(&carriage).is_empty());
+    }
+
+    #[test]
+    fn a_toe_on_the_ground_is_no_saturated_sensor() {
+        let hopper = crate::model::zoo("hopper").unwrap();
+        let held: Vec<&str> =
+            hopper.outputs().into_iter().zip(rests(&hopper)).filter(|(_, r)| *r).map(|(o, _)| o).collect();
+        assert!(!held.contains(&"h"), "{held:?}");
+        assert!(held.contains(&"ht") || !hopper.outputs().contains(&"ht"), "{held:?}");
+        assert!(rests(&crate::model::zoo("drive").unwrap()).iter().all(|r| !r));
+    }
+
+    #[test]
+    fn steps_are_found_and_a_continuous_signal_has_none() {
+        let whole = wave(1000);
+        assert_eq!(step(&whole), 0.0);
+        let coarse: Vec<f64> = whole.iter().map(|v| (v / 0.01).round() * 0.01).collect();
+        assert!((step(&coarse) - 0.01).abs() < 1e-12);
+        assert_eq!(step(&[1.0; 20]), 0.0);
+    }
 }

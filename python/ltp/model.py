@@ -109,9 +109,7 @@ class Model:
         return cls.wrap(reader(_text(source), str(source), _own_effects(effects)))
 
     @classmethod
-    def from_toml(
-        cls, text: str, source: str = "TOML text", effects: Sequence[str | os.PathLike[str]] = ()
-    ) -> Model:
+    def from_toml(cls, text: str, source: str = "TOML text", effects: Sequence[str | os.PathLike[str]] = ()) -> Model:
         """A model from the text of a document; `source` is what errors call it, `effects` as for :meth:`load`."""
         return cls.wrap(_ltp.Model.from_toml(text, source, _own_effects(effects)))
 
@@ -140,14 +138,15 @@ class Model:
     def attach(self, effect: str, at: str, parameters: Mapping[str, float] | None = None, **named: float) -> Model:
         """The model with one more piece of physics, such as `attach("coulomb_friction", "drive", force=20.4)`.
 
-        `effect` is a name of the effects library, `at` the port, input (or signal that inputs enter), output, contact or
-        parameter where it acts; parameters are in the units of the effect's document, and take its defaults where they
-        are left out. Raises `InputError` for an unknown effect, place or parameter, and where there is nothing to act on.
+        `effect` is a name of the effects library, `at` the port, input (or signal that inputs enter), output, contact
+        or parameter where it acts; parameters are in the units of the effect's document, and take its defaults where
+        they are left out. Raises `InputError` for an unknown effect, place or parameter, and where there is nothing to
+        act on.
         """
         return Model.wrap(self._core.attach(effect, at, {**(parameters or {}), **named}))
 
     def places(self, effect: str) -> list[str]:
-        """Where an effect may act in this model, in the order of the document. Raises `InputError` for an unknown one."""
+        """Where an effect may act in this model, in document order. Raises `InputError` for an unknown effect."""
         return self._core.places(effect)
 
     @property

@@ -109,9 +109,7 @@ class Model:
         return cls.wrap(reader(_text(source), str(source), _own_effects(effects)))
 
     @classmethod
-    def from_toml(
-        cls, text: str, source: str = "TOML text", effects: Sequence[str | os.PathLike[str]] = ()
-    ) -> Model:
+    def from_toml(cls, text: str, source: str = "TOML text", effects: Sequence[str | os.PathLike[str]] = ()) -> Model:
         """A model from the text of a document; `source` is what errors call it, `effects` as for :meth:`load`."""
         return cls.wrap(_ltp.Model.from_toml(text, source, _own_effects(effects)))
 

@@ -211,7 +211,8 @@ class View:
         out: dict[str, list[Force]] = {}
         for f in entries(self._traces.get("force")):
             t = array(f.get("t"))
-            position, velocity, strength, sd = (array(f.get(k), len(t)) for k in ("position", "velocity", "force", "sd"))
+            n = len(t)
+            position, velocity, strength, sd = (array(f.get(k), n) for k in ("position", "velocity", "force", "sd"))
             if len(t) > 1 and np.isfinite(strength).any():
                 phase, mode = f.get("phase"), f.get("mode")
                 force = Force(

@@ -92,7 +92,7 @@ class TestCartPendulum:
 
 
 def test_hopper_with_height_alone() -> None:
-    """A bias of `h`, a constant leg force and an error of the leg's length are one thing, and the length is uncertain."""
+    """A bias of `h`, a constant leg force and an error of the leg's length are one thing; the length is uncertain."""
     found = ltp.isolability(
         ltp.zoo.load("hopper"),
         {"u_c": "0.5*sin(7*t)"},

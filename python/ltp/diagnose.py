@@ -236,7 +236,7 @@ class Diagnosis:
         curves = dict(traces) if traces is not None else {"records": [], "force": [], "law": None}
         return _parse(_Told(text, curves))
 
-    def __reduce__(self) -> tuple[Callable[..., Diagnosis], tuple[str, dict[str, Any]]]:
+    def __reduce__(self) -> tuple[Callable[..., Diagnosis], tuple[Any, ...]]:
         """A diagnosis travels to another process, and is copied, as its JSON and its curves."""
         return _told, (self.to_json(), self.traces, self._own)
 

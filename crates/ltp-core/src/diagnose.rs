@@ -2,8 +2,8 @@
 //! show that the held-out error falls — or say that it cannot be told.
 //!
 //! Read in order: `experiment` (a recording in the model's terms), `kalman`, `prepare` and `prepared` (sizes, noise, starts,
-//! observers), `fit` (the homotopy from prediction error to simulation error), `trial` (a fitted hypothesis), `locate` (which
-//! port, which variable), `sizes`, `places` and `candidates` (every effect at every place), `screen` (the linearised test),
+//! observers), `fit` (the homotopy from prediction error to simulation error), `trial` (a fitted hypothesis), `locate` and
+//! `occasions` (which port, which variable, when), `sizes`, `places` and `candidates` (every effect at every place), `screen` (the linearised test),
 //! `search` (successive halving), `score`, `judge` (ranking and acceptance), `forward` (several effects), `law`, `unknown`,
 //! `conclude` (the verdict), `report`, `words`, [`result`] (the noun).
 
@@ -18,6 +18,7 @@ mod judge;
 mod kalman;
 mod law;
 mod locate;
+mod occasions;
 mod places;
 mod prepare;
 mod prepared;
@@ -114,9 +115,24 @@ fn work(
     // A record of its own that was predicted is the best witness; a piece cut from the train records is not one.
     let halves = if own_test { None } else { Some(prepared.halves(model, control)?) };
     let explained = forward::explain(&bench, nominal, &jobs, halves.as_ref(), &mut warnings)?;
+    let others: Vec<&[Vec<f64>]> =
+        explained.rounds.iter().flat_map(|r| r.trials.iter().map(|t| t.residuals.train.as_slice())).collect();
+    let own = &explained.nominal.residuals.train;
+    if let Some(stranger) = quality::stranger(model, &prepared.train, &sigma, own, &others) {
+        return Err(stranger);
+    }
     (control.progress)("weighing the evidence", 0.9);
     let unnamed = unknown::unnamed(&bench, &explained, &forces, places.ports(), halves.as_ref())?;
-    conclude::conclude(conclude::Case { model, bench: &bench, scene: &scene, explained, unnamed, located, warnings, clock })
+    conclude::conclude(conclude::Case {
+        model,
+        bench: &bench,
+        scene: &scene,
+        explained,
+        unnamed,
+        located,
+        warnings,
+        clock,
+    })
 }
 
 fn effect_names(model: &Model, options: &Options) -> Result<Vec<String>> {

@@ -91,6 +91,15 @@ impl Candidate {
         Ok(Self { made, own, probes, neutral, extends: effect.extends.clone() })
     }
 
+    /// Own parameters with the amplitudes brought nearer to where the effect vanishes.
+    pub fn shrunk(&self, own: &[f64], size: f64) -> Vec<f64> {
+        let amplitudes = self.probes.first().map_or(&[][..], |p| &p.amplitudes);
+        let nearer = |(k, v): (usize, &f64)| {
+            if amplitudes.contains(&k) { self.neutral[k] + size * (v - self.neutral[k]) } else { *v }
+        };
+        own.iter().enumerate().map(nearer).collect()
+    }
+
     /// `effect@place` of the newest effect.
     pub fn label(&self) -> String {
         self.made.effects.last().map_or(String::new(), |(e, p)| format!("{e}@{p}"))

@@ -4,6 +4,8 @@ use std::time::Instant;
 
 use super::fit::full;
 use super::forward::{self, Explained};
+use super::harmonic::event_times;
+use super::isolability::{Rival, Suggestion, separating};
 use super::locate::{self, Located};
 use super::prepare::Scene;
 use super::result::{self, Diagnosis, Location, ParameterReport, Verdict};
@@ -51,7 +53,7 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
     let Case { model, bench, explained, unnamed, located, mut warnings, .. } = case;
     let nominal = &explained.nominal;
     // A law without a name stands instead of names that explain less.
-    let found = explained.found() && unnamed.is_none();
+    let found = explained.found() && unnamed.as_ref().is_none_or(|u| u.beside);
     let after = if found { explained.last() } else { nominal };
     let shown = unnamed.as_ref().map_or(after, |u| &u.trial);
     let parameters = report::parameters(nominal, after);
@@ -78,6 +80,16 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         false => Verdict::Consistent,
     };
     doubts(&explained, after, &fit, &mut warnings);
+    let events = event_times(
+        model,
+        &nominal.made.system,
+        &nominal.parameters(),
+        bench.train.experiments,
+        &nominal.fit.point.x0,
+        bench.train.sigma,
+        bench.train.substeps,
+        &mut warnings,
+    );
 
     // With effects named, their force is what the nominal equations miss when nothing else has to make up for it.
     let port = shown.made.effects.iter().find(|(_, at)| model.ports().contains(&at.as_str()));
@@ -88,20 +100,22 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         }
         None => located.as_ref().map_or(Vec::new(), |l| l.forces.clone()),
     };
-    let drawn = if found { report::law(after, &forces)? } else { law.clone() };
+    let named = if found { report::law(after, &forces)? } else { None };
+    let drawn = named.or_else(|| law.clone());
     let silent = matches!(verdict, Verdict::Consistent | Verdict::Parameter);
     let absorbed = report::absorbed(nominal, after, &parameters);
     let mut diagnosis = Diagnosis {
         model_name: model.name().to_string(),
         verdict,
         sentence: String::new(),
-        location: if silent { Vec::new() } else { places(model, shown, located) },
+        location: if silent { Vec::new() } else { places(shown, located) },
         effects: if found { report::effects(after, &explained.shares) } else { Vec::new() },
         ambiguous_with: near,
         candidates: report::candidates(&explained),
         parameters,
         absorbed,
-        separate: Vec::new(),
+        separate: if found { separate(bench, &explained)? } else { Vec::new() },
+        events,
         fit,
         model: report::augmented(after)?.to_toml()?,
         law,
@@ -109,6 +123,10 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         seconds: 0.0,
         traces: result::Traces { records, force: forces, law: drawn },
     };
+    let others: Vec<&str> = model.ports();
+    for l in &mut diagnosis.location {
+        l.sentence = words::place(l, &others);
+    }
     diagnosis.sentence = words::sentence(&diagnosis, &moved);
     diagnosis.seconds = case.clock.elapsed().as_secs_f64();
     (bench.train.control.progress)("done", 1.0);
@@ -121,7 +139,7 @@ fn alternative(t: &Trial, onto: usize) -> String {
 }
 
 /// Where the named effects act, or where a missing force was located.
-fn places(model: &Model, after: &Trial, located: Option<Located>) -> Vec<Location> {
+fn places(after: &Trial, located: Option<Located>) -> Vec<Location> {
     let found = located.map(|l| l.location);
     if after.made.effects.is_empty() {
         return found.into_iter().collect();
@@ -143,11 +161,39 @@ fn places(model: &Model, after: &Trial, located: Option<Located>) -> Vec<Locatio
                     phases: Vec::new(),
                     p_value: 1.0,
                     margin: 0.0,
-                    sentence: format!("at `{at}` of `{}`", model.name()),
+                    sentence: String::new(),
                 },
             }
         })
         .collect()
+}
+
+/// Which experiment would tell the accepted effect from its rivals.
+fn separate(bench: &Bench<'_>, e: &Explained) -> Result<Vec<result::Separating>> {
+    let Some(round) = e.rounds.iter().find(|r| r.accepted.is_some() && !r.near.is_empty()) else {
+        return Ok(Vec::new());
+    };
+    let rivals: Vec<Rival<'_>> = round
+        .accepted
+        .iter()
+        .chain(&round.near)
+        .map(|i| &round.trials[*i])
+        .map(|t| Rival {
+            label: alternative(t, round.onto.len()),
+            model: &t.made.model,
+            p: t.parameters(),
+            x0: &t.fit.point.x0,
+        })
+        .collect();
+    let train = bench.train;
+    let found = separating(&rivals, bench.model, train.experiments, train.sigma, train.substeps, train.control)?;
+    let public = |s: Suggestion| result::Separating {
+        sentence: s.sentence,
+        kind: s.kind.to_string(),
+        separates: s.separates,
+        gain: s.gain,
+    };
+    Ok(found.into_iter().map(public).collect())
 }
 
 /// Traces and errors of all records: as stated, refitted, and with what was named.

@@ -48,7 +48,10 @@ pub fn rank(base: &Trial, trials: &[Trial]) -> Ranking {
 impl Ranking {
     /// The best effect, after nested families: a richer law must win by [`APART`] and be materially richer.
     pub fn winner(&self, trials: &[Trial]) -> Option<usize> {
-        let mut best = self.order.iter().find_map(|(i, _)| *i)?;
+        // What has not converged is no fit yet; it is named only where nothing else is there to name.
+        let ready = |i: &usize| trials[*i].fit.converged;
+        let first = self.order.iter().filter_map(|(i, _)| *i).find(ready);
+        let mut best = first.or_else(|| self.order.iter().find_map(|(i, _)| *i))?;
         while let Some(simple) = self.simpler(trials, best) {
             best = simple;
         }
@@ -131,13 +134,42 @@ impl Evidence {
     /// What speaks for an effect that was not accepted, and what against it; `None` where little speaks for it.
     pub fn refusal(&self, label: &str) -> Option<String> {
         let percent = |v: f64| format!("{:.0} %", 100.0 * v);
-        (self.gain > self.threshold && self.whitened > self.threshold && self.share >= 0.1).then(|| {
+        let number = super::words::number;
+        let tests = [
+            (self.held_out >= 0.0, "it predicts the held-out records worse than the model without it".to_string()),
+            (
+                self.predicted < MATERIAL,
+                format!(
+                    "where it had to predict it removes {} of the error beyond noise, not {}",
+                    percent(self.predicted),
+                    percent(MATERIAL)
+                ),
+            ),
+            (
+                self.share < MATERIAL,
+                format!(
+                    "it removes {} of that error where it was fitted, not {}",
+                    percent(self.share),
+                    percent(MATERIAL)
+                ),
+            ),
+            (
+                self.whitened <= self.threshold,
+                format!(
+                    "with coloured noise allowed for it gains {} units, not {}",
+                    number(self.whitened),
+                    number(self.threshold)
+                ),
+            ),
+            (self.sized < SIZED, "its size is not told from zero".to_string()),
+        ];
+        let against: Vec<String> = tests.into_iter().filter(|(fails, _)| *fails).map(|(_, text)| text).collect();
+        (self.gain > self.threshold && self.share >= 0.1 && !against.is_empty()).then(|| {
             format!(
-                "`{label}` fits the train records better (it removes {} of the error beyond noise) but was not accepted: where \
-                 it had to predict it removes {}, and at least {} are asked for; record longer, or a second run, to decide",
-                percent(self.share),
-                percent(self.predicted),
-                percent(MATERIAL)
+                "`{label}` fits the train records better (by {} units) but was not accepted: {}; record longer, or a second run, \
+                 to decide",
+                number(self.gain),
+                against.join("; ")
             )
         })
     }

@@ -7,6 +7,7 @@
 use super::experiment::{Control, Experiment};
 use super::fit::Ground;
 use super::kalman::{Filter, Noise};
+use super::occasions;
 use super::prepare::{Scene, with_unknown_forces};
 use super::result::{Force, Location};
 use super::trial::{Bench, Trial};
@@ -32,7 +33,7 @@ const BLOCKS: usize = 25;
 /// Share of what a simpler group leaves that a richer one must explain to be named instead.
 const RICHER: f64 = 0.5;
 /// What a force depends on that never changes.
-const CONSTANT: &str = "nothing: it is constant";
+pub const CONSTANT: &str = "nothing: it is constant";
 /// Samples kept for the regression.
 const KEPT: usize = 2000;
 
@@ -42,8 +43,6 @@ pub struct Located {
     pub location: Location,
     /// Gain in log-likelihood over no force at all.
     pub gain: f64,
-    /// Share of the force's variance that the variable explains on left-out blocks.
-    pub explained: f64,
     /// The force along each train experiment.
     pub forces: Vec<Force>,
 }
@@ -101,18 +100,18 @@ pub fn everywhere(
     }
     let located = best.map(|(gain, i)| {
         let (port, forces) = &all[i];
-        let (variable, explained, p_value) = depends_on(forces, seed);
+        let (variable, p_value) = depends_on(forces, seed);
         let location = Location {
             kind: "port".into(),
             at: port.clone(),
-            mode: None,
+            mode: occasions::mode(forces),
             variable: variable.into(),
-            phases: Vec::new(),
+            phases: occasions::phases(forces),
             p_value,
             margin: gain,
             sentence: String::new(),
         };
-        Located { location, gain, explained, forces: forces.clone() }
+        Located { location, gain, forces: forces.clone() }
     });
     Ok((all, located))
 }
@@ -260,8 +259,8 @@ fn force(
     Ok(out)
 }
 
-/// On what a force depends: the variable that explains most on left-out blocks, its share and its p-value.
-fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
+/// On what a force depends: the variable that explains most on left-out blocks, and its p-value.
+fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64) {
     let total: usize = forces.iter().map(|f| f.t.len()).sum();
     let every = total.div_ceil(KEPT).max(1);
     let pick = |of: &dyn Fn(&Force) -> &Vec<f64>| -> Vec<f64> {
@@ -294,11 +293,12 @@ fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
     let level = stats::mean(w.iter().copied()).abs();
     let doubt = stats::median(&pick(&|f| &f.sd));
     if level > stats::std(w.iter().copied()).max(3.0 * doubt) {
-        return (CONSTANT, 0.0, 1.0 / f64::from(SHIFTS as u32 + 1));
+        return (CONSTANT, 1.0 / f64::from(SHIFTS as u32 + 1));
     }
     let beyond = strongest(&w, &base, &groups, seed);
     // Where nominal parameters could say it all, what the force follows is still worth knowing.
-    if beyond.1 > 0.0 { beyond } else { strongest(&w, &[], &groups, seed) }
+    let (variable, _, p) = if beyond.1 > 0.0 { beyond } else { strongest(&w, &[], &groups, seed) };
+    (variable, p)
 }
 
 /// A smooth function of a series: its cubic B-splines between the one-percent quantiles, the first left out because a

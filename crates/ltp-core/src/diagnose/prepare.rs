@@ -4,6 +4,7 @@
 use super::experiment::{Control, Experiment, Run};
 use super::fit::Ground;
 use super::kalman::{Filter, Noise, Smoothed};
+use super::quality::quantisation;
 use crate::error::{Error, Result};
 use crate::model::{Attached, Compiled, Effect, Library, Model, Point, System, document, effects};
 use crate::numeric::{spectrum, stats};
@@ -52,8 +53,9 @@ pub struct Scene {
     pub middle: Vec<Vec<f64>>,
 }
 
-/// Noise of each output: the white part of what was measured.
+/// Noise of each output: the white part of what was measured, and no less than the steps of its sensor make.
 pub fn floors(train: &[Experiment], residual: Option<&[Vec<f64>]>) -> Vec<f64> {
+    let steps = quantisation(train);
     (0..train[0].outputs())
         .map(|j| {
             let ny = train[0].outputs();
@@ -72,7 +74,7 @@ pub fn floors(train: &[Experiment], residual: Option<&[Vec<f64>]>) -> Vec<f64> {
             let spread = stats::std(train.iter().flat_map(|e| e.output(j)));
             let floor = spectrum::noise_floor_pooled(&runs);
             let least = if spread > 0.0 { FINEST * spread } else { 1.0 };
-            if floor.is_finite() { floor.max(least) } else { least }
+            if floor.is_finite() { floor.max(least) } else { least }.max(steps[j])
         })
         .collect()
 }

@@ -3,6 +3,8 @@
 use indexmap::IndexMap;
 use serde::Serialize;
 
+use super::harmonic::EventTime;
+
 /// What ltp says about a mismatch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -207,6 +209,8 @@ pub struct Diagnosis {
     pub absorbed: Vec<Absorbed>,
     /// Experiments that would tell the rivals of an ambiguous verdict apart, the best first.
     pub separate: Vec<Separating>,
+    /// Times of events, measured minus predicted by the refitted nominal model: a touchdown 4 ms early is a residual too.
+    pub events: Vec<EventTime>,
     /// Errors before and after.
     pub fit: FitReport,
     /// The augmented model as TOML.

@@ -23,6 +23,8 @@ const SECOND: Effort = Effort { iterations: 12, ftol: 1e-4 };
 const FOLLOWED: usize = 2;
 /// Share of the best look's gain that another one must promise to be followed too.
 const ALSO: f64 = 0.7;
+/// Sizes of an effect that are tried instead of one that makes matters worse.
+const SMALLER: [f64; 3] = [0.3, 0.1, 0.03];
 /// Candidates that go on after the first steps, and after the second.
 const LEADERS: usize = 12;
 const FINALISTS: usize = 6;
@@ -111,7 +113,7 @@ pub fn search(bench: &Bench<'_>, base: &Trial, jobs: &[(String, Place)], share: 
         .collect::<Result<_>>()?;
     let pairs = pairs(&screen, &runners);
 
-    runners.par_iter_mut().try_for_each(|r| r.first(bench))?;
+    runners.par_iter_mut().try_for_each(|r| r.first(bench, base))?;
     // A richer law goes on from the simpler one that it contains.
     let simple: IndexMap<Attachment, (Point, IndexMap<String, f64>)> =
         runners.iter().filter_map(|r| Some((r.newest(), (r.base_point()?, r.own_parameters())))).collect();
@@ -251,15 +253,32 @@ impl Runner {
         }
     }
 
-    /// A few steps from the better of the points to which the test points.
-    fn first(&mut self, bench: &Bench<'_>) -> Result<()> {
+    /// A few steps from each of the points to which the test points; where such a point is worse than nothing at all, from a
+    /// smaller size of the effect, since a friction that holds everything has no slope.
+    fn first(&mut self, bench: &Bench<'_>, base: &Trial) -> Result<()> {
         if self.imitated {
             return Ok(());
         }
-        for k in 0..self.findings.len() {
+        let subject = self.candidate.made.subject();
+        let worth = |point: &Point| cost(&subject, bench.train, point, bench.train_start).unwrap_or(f64::INFINITY);
+        let mut fits = Vec::new();
+        for finding in &self.findings {
             bench.train.control.check()?;
-            let start = self.findings[k].start.clone();
-            let fit = stage(&self.candidate.made.subject(), bench.train, &start, bench.train_start, None, FIRST);
+            let mut start = (worth(&finding.start), finding.start.clone());
+            let own = &finding.start.theta[self.candidate.own[0]..];
+            for size in SMALLER {
+                if start.0 <= base.fit.cost {
+                    break;
+                }
+                let smaller = joined(&self.candidate, bench.train, &base.fit.point, &self.candidate.shrunk(own, size));
+                let c = worth(&smaller);
+                if c < start.0 {
+                    start = (c, smaller);
+                }
+            }
+            fits.push(stage(&subject, bench.train, &start.1, bench.train_start, None, FIRST));
+        }
+        for fit in fits {
             self.keep(fit);
         }
         Ok(())

@@ -7,8 +7,8 @@
 use indexmap::IndexMap;
 
 use super::candidates::Place;
-use super::forward::Explained;
-use super::judge::{self, Evidence, Halves};
+use super::forward::{Explained, left};
+use super::judge::{self, Halves};
 use super::result::{Force, Law};
 use super::search::search;
 use super::trial::{Bench, Made, Trial};
@@ -84,11 +84,11 @@ pub struct Unnamed {
     pub trial: Trial,
     /// Table of the law.
     pub law: Law,
-    /// What spoke for it.
-    pub evidence: Evidence,
+    /// Whether it stands beside named effects, for what they leave.
+    pub beside: bool,
 }
 
-/// Looks for a law without a name on top of the nominal model, where the named effects leave much.
+/// Looks for a law without a name: instead of named effects that leave much, or for what they leave.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`].
@@ -99,11 +99,29 @@ pub fn unnamed(
     places: &[Place],
     halves: Option<&Halves>,
 ) -> Result<Option<Unnamed>> {
-    let outputs = bench.train.sigma.len();
-    if super::forward::left(e.last(), outputs) < LEFT {
+    if left(e.last(), bench.train.sigma.len()) < LEFT {
         return Ok(None);
     }
-    let mut model = bench.model.clone();
+    let energy = |t: &Trial| t.residuals.structural(&t.residuals.train);
+    let alone = added(bench, &e.nominal, forces, places, halves)?;
+    if !e.found() {
+        return Ok(alone);
+    }
+    let beside = added(bench, e.last(), forces, places, halves)?;
+    let reached = beside.as_ref().map_or(energy(e.last()), |u| energy(&u.trial));
+    let better = |u: &Unnamed| energy(&u.trial) < INSTEAD * energy(e.last()) && energy(&u.trial) < 2.0 * reached;
+    Ok(alone.filter(better).or(beside))
+}
+
+/// The best law on top of a hypothesis, where it is accepted.
+fn added(
+    bench: &Bench<'_>,
+    base: &Trial,
+    forces: &[(String, Vec<Force>)],
+    places: &[Place],
+    halves: Option<&Halves>,
+) -> Result<Option<Unnamed>> {
+    let mut model = base.made.model.clone();
     let mut jobs = Vec::new();
     let mut ranges = IndexMap::new();
     for (port, along) in forces {
@@ -123,24 +141,20 @@ pub fn unnamed(
     if jobs.is_empty() {
         return Ok(None);
     }
-    let base = retold(&e.nominal, model);
+    let base = retold(base, model);
     let mut found = search(bench, &base, &jobs, (0.9, 0.95))?;
     let ranking = judge::rank(&base, &found.trials);
-    let Some(best) = ranking.order.iter().find_map(|(i, _)| *i) else { return Ok(None) };
-    let evidence = judge::weigh(bench, &base, &found.trials[best], halves, jobs.len())?;
-    let trial = found.trials.swap_remove(best);
-    let energy = |t: &Trial| t.residuals.structural(&t.residuals.train);
-    let instead = !e.found() || energy(&trial) < INSTEAD * energy(e.last());
-    if !(evidence.accepted() && instead) {
+    let Some(best) = ranking.winner(&found.trials) else { return Ok(None) };
+    if !judge::weigh(bench, &base, &found.trials[best], halves, jobs.len())?.accepted() {
         return Ok(None);
     }
-    let Some(((_, port), &(family, low, high))) =
-        trial.made.effects.last().and_then(|key| ranges.get_key_value(key))
+    let trial = found.trials.swap_remove(best);
+    let Some(((_, port), &(family, low, high))) = trial.made.effects.last().and_then(|key| ranges.get_key_value(key))
     else {
         return Ok(None);
     };
     let law = table(&trial, port, family, (low, high))?;
-    Ok(Some(Unnamed { law, trial, evidence }))
+    Ok(Some(Unnamed { law, beside: trial.made.effects.len() > 1, trial }))
 }
 
 /// A fitted hypothesis with a larger library behind it.

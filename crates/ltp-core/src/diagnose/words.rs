@@ -1,6 +1,7 @@
 //! What was found in words: numbers with the digits they deserve, units with their prefixes, the verdict as a sentence.
 
-use super::result::{Diagnosis, Estimate, FitReport, NamedEffect, Verdict};
+use super::locate::CONSTANT;
+use super::result::{Diagnosis, Estimate, FitReport, Location, NamedEffect, Verdict};
 
 /// Three significant digits, without a tail of zeros.
 pub fn number(v: f64) -> String {
@@ -57,6 +58,40 @@ pub fn remaining(fit: &FitReport) -> f64 {
 
 fn parameters(e: &NamedEffect) -> String {
     e.parameters.iter().map(|(n, v)| format!("{n} = {}", value(v))).collect::<Vec<_>>().join(", ")
+}
+
+/// Where something acts, in one sentence.
+pub fn place(l: &Location, ports: &[&str]) -> String {
+    let what = match l.kind.as_str() {
+        "input" => "at the input",
+        "output" => "at the sensor",
+        "contact" => "at the contact",
+        "parameter" => "in the parameter",
+        _ => "at",
+    };
+    let mut text = format!("{what} `{}`", l.at);
+    let on = match l.variable.as_str() {
+        "" => String::new(),
+        "sign of velocity" => ", where the velocity changes sign".into(),
+        CONSTANT => ", constant".into(),
+        v if v.starts_with("nothing") => String::new(),
+        v => format!(", following {v}"),
+    };
+    if l.p_value <= 0.05 {
+        text.push_str(&on);
+    }
+    if let Some(mode) = &l.mode {
+        text.push_str(&format!(", in {mode}"));
+    }
+    if !l.phases.is_empty() {
+        let list: Vec<String> = l.phases.iter().map(|p| format!("{p:.2}")).collect();
+        text.push_str(&format!(", in every cycle at phase {}", list.join(" and ")));
+    }
+    let others: Vec<String> = ports.iter().filter(|p| **p != l.at).map(|p| format!("`{p}`")).collect();
+    if l.kind == "port" && l.margin > 0.0 && !others.is_empty() {
+        text.push_str(&format!("; a force at {} would explain less", others.join(" or ")));
+    }
+    text
 }
 
 /// The verdict in one sentence with numbers and units.

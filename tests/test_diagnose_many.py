@@ -78,6 +78,22 @@ def test_nouns_are_copied_to_the_bit(here: dict[str, ltp.JobResult]) -> None:
     assert np.array_equal(told.traces["records"][0]["after"], diagnosis.traces["records"][0]["after"])
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_model_takes_its_own_effects_along(tmp_path: Path) -> None:
+    path = tmp_path / "one_way_drag.toml"
+    path.write_text(
+        'sentence = "a drag in one direction"\non = "port"\nlaw = "-drag*abs(velocity)"\nreference = "none"\n'
+        '[parameters]\ndrag = { unit = "force/velocity", scale = "force/velocity" }\n'
+    )
+    model = ltp.zoo.drive().with_effects([path]).attach("one_way_drag", "drive", drag=3.0)
+    copy = pickle.loads(pickle.dumps(model.with_parameters(b=230.0)))
+    assert copy.to_toml() == model.with_parameters(b=230.0).to_toml()
+    options = {"candidates": ["coulomb_friction", "one_way_drag"]}
+    diagnosis = ltp.diagnose(ltp.zoo.drive().with_effects([path]), drive(8.0), **options)  # type: ignore[arg-type]
+    assert pickle.loads(pickle.dumps(diagnosis)).model.to_toml() == diagnosis.model.to_toml()
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_told_diagnosis_reports(here: dict[str, ltp.JobResult], tmp_path: Path) -> None:
     diagnosis = here["one"].diagnosis
     assert diagnosis is not None

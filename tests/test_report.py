@@ -15,6 +15,7 @@ pytest.importorskip("ltp._ltp", reason="the extension is not built; run `make te
 from ltp import plots
 from ltp.plots.decimate import binned_mean, envelope
 from ltp.plots.numbers import parse_sentence, percent, prefixed, pretty_unit, quantity, significant
+from ltp.plots.phase import since_event
 from ltp.report import render, write_report
 
 NBSP = "\u00a0"
@@ -157,6 +158,21 @@ def test_a_force_on_a_clock_is_drawn_over_phase_by_mode() -> None:
     assert "median, stance" in html
     assert "median, flight" in html
     assert "over the phase of the clock" not in Page(render(diagnosis(), traces())).text
+
+
+def test_without_a_clock_it_is_drawn_over_the_time_since_the_mode_was_entered() -> None:
+    curves = clocked()
+    force = curves["force"][0]
+    force["phase"] = np.array([])
+    text = Page(render(diagnosis(), curves)).text
+    assert "over the time since the mode was entered" in text
+    sample = plots.Force("", force["t"], *[force["t"]] * 4, None, force["mode"].astype(float), ("stance", "flight"))
+    since = since_event(sample)
+    assert np.isnan(since[:101]).all()
+    assert since[101:].max() == pytest.approx(0.1, abs=2e-3)
+    force["mode"] = np.zeros_like(force["mode"])
+    force["modes"] = ["stance"]
+    assert "mode was entered" not in Page(render(diagnosis(), curves)).text
 
 
 def test_the_alarm_says_what_hid_and_what_physics_forbids() -> None:

@@ -7,7 +7,7 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
@@ -210,11 +210,13 @@ class Diagnosis:
     model_name: str
     _core: _Core = field(repr=False, compare=False)
     _document: str = field(repr=False)
+    _own: tuple[tuple[str, str], ...] = field(default=(), repr=False)  # effects that the library does not ship
 
     @cached_property
     def model(self) -> Model:
         """The augmented model: simulate it, save it, diagnose with it again."""
-        return Model.from_toml(self._document, f"diagnosis of {self.model_name}")
+        source = f"diagnosis of {self.model_name}"
+        return Model.wrap(_ltp.Model.from_toml(self._document, source, list(self._own)), self._own)
 
     @cached_property
     def traces(self) -> dict[str, Any]:
@@ -234,9 +236,9 @@ class Diagnosis:
         curves = dict(traces) if traces is not None else {"records": [], "force": [], "law": None}
         return _parse(_Told(text, curves))
 
-    def __reduce__(self) -> tuple[Callable[..., Diagnosis], tuple[str, dict[str, Any]]]:
+    def __reduce__(self) -> tuple[Callable[..., Diagnosis], tuple[Any, ...]]:
         """A diagnosis travels to another process, and is copied, as its JSON and its curves."""
-        return Diagnosis.from_json, (self.to_json(), self.traces)
+        return _told, (self.to_json(), self.traces, self._own)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a self-contained HTML page that opens offline; returns the path.
@@ -281,7 +283,7 @@ def diagnose(
         threads=threads,
         progress=progress,
     )
-    diagnosis = _parse(core)
+    diagnosis = replace(_parse(core), _own=model._own)
     known = {text for recording in [*train, *test] for text in recording.warnings}  # said when they were read
     for text in diagnosis.warnings:
         if text in known:
@@ -299,6 +301,10 @@ def _listed(role: str, records: Recording | Sequence[Recording]) -> list[Recordi
                 "read them with ltp.Recording.read"
             )
     return listed
+
+
+def _told(text: str, traces: dict[str, Any], own: tuple[tuple[str, str], ...]) -> Diagnosis:
+    return replace(Diagnosis.from_json(text, traces), _own=own)
 
 
 def _parse(core: _Core) -> Diagnosis:

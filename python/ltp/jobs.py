@@ -95,7 +95,7 @@ class Job:
         options = {name: value for name, value in self.options.items() if name != "threads"}
         add("options", json.dumps(options, sort_keys=True, default=str).encode())
         if isinstance(self.model, Model):
-            add("model", self.model.to_toml().encode())
+            add("model", self.model.to_toml().encode(), json.dumps(self.model._own).encode())
         else:
             word = os.fspath(self.model)
             add("model", word.encode() if word.startswith(_ZOO) else read_bytes(word))

@@ -81,12 +81,14 @@ class Model:
         document = {key: value for key, value in sections.items() if value is not None}
         source = f"ltp.Model(name={name!r})"
         self._core: _ltp.Model = _ltp.Model.from_json(_as_json(document, source), source)
+        self._own: tuple[tuple[str, str], ...] = ()
 
     @classmethod
-    def wrap(cls, core: _ltp.Model) -> Model:
-        """The Python face of a model of the extension."""
+    def wrap(cls, core: _ltp.Model, own: Sequence[tuple[str, str]] = ()) -> Model:
+        """The Python face of a model of the extension; `own` are names and texts of effects beyond the shipped ones."""
         model = cls.__new__(cls)
         model._core = core
+        model._own = tuple(own)
         return model
 
     @classmethod
@@ -106,19 +108,22 @@ class Model:
                 f"{source}: a model document ends in .toml (or .json), found {source.suffix or 'no suffix'!r}; "
                 "rename the file, or give the model first and the recordings after it"
             )
-        return cls.wrap(reader(_text(source), str(source), _own_effects(effects)))
+        own = _own_effects(effects)
+        return cls.wrap(reader(_text(source), str(source), own), own)
 
     @classmethod
     def from_toml(cls, text: str, source: str = "TOML text", effects: Sequence[str | os.PathLike[str]] = ()) -> Model:
         """A model from the text of a document; `source` is what errors call it, `effects` as for :meth:`load`."""
-        return cls.wrap(_ltp.Model.from_toml(text, source, _own_effects(effects)))
+        own = _own_effects(effects)
+        return cls.wrap(_ltp.Model.from_toml(text, source, own), own)
 
     def with_effects(self, effects: Sequence[str | os.PathLike[str]]) -> Model:
         """The same model with more effects in its library, from files as for :meth:`load`.
 
         Raises `InputError` for a file that is no effect, or whose name is taken.
         """
-        return Model.wrap(self._core.with_effects(_own_effects(effects)))
+        own = _own_effects(effects)
+        return Model.wrap(self._core.with_effects(own), [*self._own, *own])
 
     def to_toml(self) -> str:
         """The document as TOML text; `Model.from_toml` reads it back."""
@@ -133,19 +138,20 @@ class Model:
 
         Raises `InputError` for an unknown name or a value outside its bounds.
         """
-        return Model.wrap(self._core.with_parameters({**(values or {}), **named}))
+        return Model.wrap(self._core.with_parameters({**(values or {}), **named}), self._own)
 
     def attach(self, effect: str, at: str, parameters: Mapping[str, float] | None = None, **named: float) -> Model:
         """The model with one more piece of physics, such as `attach("coulomb_friction", "drive", force=20.4)`.
 
-        `effect` is a name of the effects library, `at` the port, input (or signal that inputs enter), output, contact or
-        parameter where it acts; parameters are in the units of the effect's document, and take its defaults where they
-        are left out. Raises `InputError` for an unknown effect, place or parameter, and where there is nothing to act on.
+        `effect` is a name of the effects library, `at` the port, input (or signal that inputs enter), output, contact
+        or parameter where it acts; parameters are in the units of the effect's document, and take its defaults where
+        they are left out. Raises `InputError` for an unknown effect, place or parameter, and where there is nothing to
+        act on.
         """
-        return Model.wrap(self._core.attach(effect, at, {**(parameters or {}), **named}))
+        return Model.wrap(self._core.attach(effect, at, {**(parameters or {}), **named}), self._own)
 
     def places(self, effect: str) -> list[str]:
-        """Where an effect may act in this model, in the order of the document. Raises `InputError` for an unknown one."""
+        """Where an effect may act in this model, in document order. Raises `InputError` for an unknown effect."""
         return self._core.places(effect)
 
     @property
@@ -210,9 +216,9 @@ class Model:
         """The value an input has where a recording does not give it, in its unit; None when it must be given."""
         return self._core.input_default(name)
 
-    def __reduce__(self) -> tuple[Callable[[str, str], Model], tuple[str, str]]:
-        """A model travels to another process, and is copied, as the text of its document."""
-        return Model.from_toml, (self.to_toml(), f"the copied model {self.name!r}")
+    def __reduce__(self) -> tuple[Callable[..., Model], tuple[str, str, tuple[tuple[str, str], ...]]]:
+        """A model travels to another process, and is copied, as its document with those of its own effects."""
+        return _told, (self.to_toml(), f"the copied model {self.name!r}", self._own)
 
     def __repr__(self) -> str:
         lists = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs, "ports": self.ports}
@@ -228,6 +234,11 @@ def _text(path: Path) -> str:
         raise _ltp.InputError(
             f"{path}: not a text file (byte {error.start} is not UTF-8); a document is UTF-8 text"
         ) from None
+
+
+def _told(text: str, source: str, own: Sequence[tuple[str, str]]) -> Model:
+    """A model from the text of its document and the texts of its own effects."""
+    return Model.wrap(_ltp.Model.from_toml(text, source, list(own)), own)
 
 
 def _own_effects(paths: Sequence[str | os.PathLike[str]]) -> list[tuple[str, str]]:

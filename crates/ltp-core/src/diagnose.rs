@@ -109,12 +109,14 @@ fn work(
     (control.progress)("locating the mismatch", 0.15);
     let scene = Scene { sigma: sigma.clone(), ..prepared.scene.clone() };
     let (forces, located) = locate::everywhere(&bench, &scene, &nominal, options.seed, &mut warnings)?;
-    let jobs = Places::new(model, &prepared.train, &scene, &forces).jobs(&names)?;
+    let places = Places::new(model, &prepared.train, &scene, &forces);
+    let jobs = places.jobs(&names)?;
     // A record of its own that was predicted is the best witness; a piece cut from the train records is not one.
     let halves = if own_test { None } else { Some(prepared.halves(model, control)?) };
     let explained = forward::explain(&bench, nominal, &jobs, halves.as_ref(), &mut warnings)?;
     (control.progress)("weighing the evidence", 0.9);
-    conclude::conclude(conclude::Case { model, bench: &bench, scene: &scene, explained, located, warnings, clock })
+    let unnamed = unknown::unnamed(&bench, &explained, &forces, places.ports(), halves.as_ref())?;
+    conclude::conclude(conclude::Case { model, bench: &bench, scene: &scene, explained, unnamed, located, warnings, clock })
 }
 
 fn effect_names(model: &Model, options: &Options) -> Result<Vec<String>> {

@@ -217,6 +217,16 @@ impl Model {
         Ok(names.filter(|at| self.attach(effect, at, &[]).is_ok()).map(String::from).collect())
     }
 
+    /// The model with one more effect in its library.
+    ///
+    /// # Errors
+    /// [`Error::Document`] for an effect that is not one, or a name that is taken.
+    pub fn with_effect(&self, name: &str, effect: Effect) -> Result<Model> {
+        let mut library = self.library.clone();
+        library.add(name, effect)?;
+        Model::new(self.document.clone(), library, &self.source)
+    }
+
     /// The model with other values, and uncertainties where given, of some parameters (also of effects).
     ///
     /// # Errors

@@ -49,7 +49,7 @@ def add(commands: common.Commands) -> None:
     )
     parser.add_argument("--noise", type=float, default=0.01, metavar="SHARE", help="noise over motion (default 0.01)")
     parser.add_argument("--size", type=float, default=0.05, metavar="SHARE", help="size of effects (default 0.05)")
-    parser.add_argument("--effects", metavar="NAME,...", help="effects to ask about (default: all of the library)")
+    parser.add_argument("--candidates", metavar="NAME,...", help="effects to ask about (default: all of the library)")
     parser.add_argument("--start", action="append", default=[], metavar="STATE=VALUE", help="an initial value")
     parser.add_argument("--hold", choices=common.HOLDS, default="first-order", help="inputs between samples")
     parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads (default: one per core)")
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
             dt=arguments.dt,
             noise=arguments.noise,
             size=arguments.size,
-            effects=arguments.effects.split(",") if arguments.effects else None,
+            effects=arguments.candidates.split(",") if arguments.candidates else None,
             initial_state=common.numbers("--start", arguments.start) or None,
             hold=arguments.hold,
             threads=arguments.threads,

@@ -211,11 +211,21 @@ class View:
         out: dict[str, list[Force]] = {}
         for f in entries(self._traces.get("force")):
             t = array(f.get("t"))
-            columns = [array(f.get(key), len(t)) for key in ("position", "velocity", "force", "sd")]
-            if len(t) > 1 and np.isfinite(columns[2]).any():
+            n = len(t)
+            position, velocity, strength, sd = (array(f.get(k), n) for k in ("position", "velocity", "force", "sd"))
+            if len(t) > 1 and np.isfinite(strength).any():
                 phase, mode = f.get("phase"), f.get("mode")
-                along = [array(x, len(t)) if x is not None and len(x) == len(t) else None for x in (phase, mode)]
-                force = Force(str(f.get("record", "")), t, *columns, *along, tuple(texts(f.get("modes"))))
+                force = Force(
+                    str(f.get("record", "")),
+                    t,
+                    position,
+                    velocity,
+                    strength,
+                    sd,
+                    phase=array(phase) if phase is not None and len(phase) == len(t) else None,
+                    mode=array(mode) if mode is not None and len(mode) == len(t) else None,
+                    modes=tuple(texts(f.get("modes"))),
+                )
                 out.setdefault(str(f.get("at", "")), []).append(force)
         return out
 

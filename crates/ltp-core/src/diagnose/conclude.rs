@@ -8,7 +8,8 @@ use super::locate::{self, Located};
 use super::prepare::Scene;
 use super::result::{self, Diagnosis, Location, ParameterReport, Verdict};
 use super::trial::{Bench, Trial, starts};
-use super::{report, unknown, words};
+use super::unknown::Unnamed;
+use super::{report, words};
 use crate::error::Result;
 use crate::model::{Model, System};
 
@@ -18,6 +19,9 @@ const FAR: f64 = 10.0;
 const DECISIVE: f64 = 50.0;
 /// Deviation of a parameter from its stated value, in its stated uncertainty, that makes a verdict.
 const MOVED: f64 = 3.0;
+
+/// The effect that is an error of a parameter stated as exact: the structure is right.
+const OFF: &str = "parameter_error";
 
 /// Everything the conclusion draws on.
 pub struct Case<'a> {
@@ -29,6 +33,8 @@ pub struct Case<'a> {
     pub scene: &'a Scene,
     /// What the search came to.
     pub explained: Explained,
+    /// A law without a name that was accepted.
+    pub unnamed: Option<Unnamed>,
     /// Where a missing force explains best what the nominal model leaves.
     pub located: Option<Located>,
     /// Doubts so far.
@@ -42,9 +48,12 @@ pub struct Case<'a> {
 /// # Errors
 /// [`crate::Error::Interrupted`].
 pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
-    let Case { model, bench, explained, located, mut warnings, .. } = case;
-    let (nominal, after) = (&explained.nominal, explained.last());
-    let found = explained.found();
+    let Case { model, bench, explained, unnamed, located, mut warnings, .. } = case;
+    let nominal = &explained.nominal;
+    // A law without a name stands instead of names that explain less.
+    let found = explained.found() && unnamed.is_none();
+    let after = if found { explained.last() } else { nominal };
+    let shown = unnamed.as_ref().map_or(after, |u| &u.trial);
     let parameters = report::parameters(nominal, after);
     let away = |p: &ParameterReport| (p.after - p.nominal).abs() / p.nominal_sd.hypot(p.sd);
     let moved: Vec<(String, f64)> =
@@ -52,30 +61,29 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
     let near: Vec<String> = explained
         .rounds
         .iter()
-        .filter(|r| r.accepted.is_some())
+        .filter(|r| found && r.accepted.is_some())
         .flat_map(|r| r.near.iter().map(|&i| alternative(&r.trials[i], r.onto.len())))
         .collect();
-    let law = match (&located, found) {
-        (Some(l), false) => unknown::law(l, nominal),
-        _ => None,
-    };
-    let (records, fit) = tables(model, bench, &explained)?;
+    let law = unnamed.as_ref().map(|u| u.law.clone());
+    let (records, fit) = tables(model, bench, nominal, shown)?;
     // Far above the noise, and a force at a port would explain it: that is neither consistent nor a parameter.
     let unexplained = words::remaining(&fit) > FAR && located.as_ref().is_some_and(|l| l.gain > DECISIVE);
+    let off = |(name, _): &super::trial::Attachment| name == OFF;
     let verdict = match found {
+        true if near.is_empty() && after.made.effects.iter().all(off) => Verdict::Parameter,
         true if !near.is_empty() => Verdict::Ambiguous,
         true => Verdict::Effect,
         false if law.is_some() || unexplained => Verdict::Unknown,
         false if !moved.is_empty() => Verdict::Parameter,
         false => Verdict::Consistent,
     };
-    doubts(&explained, &fit, &mut warnings);
+    doubts(&explained, after, &fit, &mut warnings);
 
     // With effects named, their force is what the nominal equations miss when nothing else has to make up for it.
-    let port = after.made.effects.iter().find(|(_, at)| model.ports().contains(&at.as_str()));
+    let port = shown.made.effects.iter().find(|(_, at)| model.ports().contains(&at.as_str()));
     let forces = match port {
         Some((_, port)) => {
-            let p = full(&nominal.made.system, &after.fit.point.theta[..nominal.made.priors.len()]);
+            let p = full(&nominal.made.system, &shown.fit.point.theta[..nominal.made.priors.len()]);
             locate::missing(bench, case.scene, &p, port)?
         }
         None => located.as_ref().map_or(Vec::new(), |l| l.forces.clone()),
@@ -87,8 +95,8 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         model_name: model.name().to_string(),
         verdict,
         sentence: String::new(),
-        location: if silent { Vec::new() } else { places(model, after, located) },
-        effects: report::effects(after, &explained.shares),
+        location: if silent { Vec::new() } else { places(model, shown, located) },
+        effects: if found { report::effects(after, &explained.shares) } else { Vec::new() },
         ambiguous_with: near,
         candidates: report::candidates(&explained),
         parameters,
@@ -143,8 +151,12 @@ fn places(model: &Model, after: &Trial, located: Option<Located>) -> Vec<Locatio
 }
 
 /// Traces and errors of all records: as stated, refitted, and with what was named.
-fn tables(model: &Model, bench: &Bench<'_>, e: &Explained) -> Result<(Vec<result::RecordTrace>, result::FitReport)> {
-    let nominal = &e.nominal;
+fn tables(
+    model: &Model,
+    bench: &Bench<'_>,
+    nominal: &Trial,
+    last: &Trial,
+) -> Result<(Vec<result::RecordTrace>, result::FitReport)> {
     let stated: Vec<f64> = nominal.made.priors.iter().map(|p| p.mean).collect();
     let p = full(&nominal.made.system, &stated);
     let begin = |ground, start, ties| starts(model, &[], &p, ground, start, ties, None);
@@ -160,8 +172,7 @@ fn tables(model: &Model, bench: &Bench<'_>, e: &Explained) -> Result<(Vec<result
             test: &nominal.test_x0,
         },
     ];
-    let last = e.last();
-    if e.found() {
+    if !last.made.effects.is_empty() {
         let (train, test) = (&last.fit.point.x0, &last.test_x0);
         points.push(report::Point { system: &last.made.system, p: point(last), train, test });
     }
@@ -170,8 +181,7 @@ fn tables(model: &Model, bench: &Bench<'_>, e: &Explained) -> Result<(Vec<result
 }
 
 /// Doubts that a reader must know of.
-fn doubts(e: &Explained, fit: &result::FitReport, warnings: &mut Vec<String>) {
-    let after = e.last();
+fn doubts(e: &Explained, after: &Trial, fit: &result::FitReport, warnings: &mut Vec<String>) {
     for row in &fit.train {
         let left = row.after.unwrap_or(0.0) / row.floor.max(f64::MIN_POSITIVE);
         if left > words::DOUBTFUL {

@@ -98,6 +98,11 @@ impl Experiment {
         self.y.len() / self.ny
     }
 
+    /// Whether there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.y.is_empty()
+    }
+
     /// Number of outputs.
     pub fn outputs(&self) -> usize {
         self.ny

@@ -232,7 +232,7 @@ fn work(model: &Model, plan: &Plan, control: &Control<'_>) -> Result<Isolability
         .map(|s| {
             control.check()?;
             let c = records_of.compare(&candidates, &s.records, &s.sigma);
-            Ok((s, symmetric(&c.matrix, &nested), c.own))
+            Ok(Helped { setup: s, separation: symmetric(&c.matrix, &nested), own: c.own })
         })
         .collect::<Result<Vec<_>>>()?;
     let advice = advise(&effects, &now.own, &separation, &helps);
@@ -305,6 +305,13 @@ struct Setup {
     sigma: Vec<f64>,
 }
 
+/// What a varied set-up shows.
+struct Helped {
+    setup: Setup,
+    separation: Vec<Vec<f64>>,
+    own: Vec<f64>,
+}
+
 fn setups(
     model: &Model,
     records: &[Start],
@@ -328,7 +335,7 @@ fn setups(
     let relative: Vec<f64> = sensors.iter().zip(spread).filter_map(|(s, m)| Some((*s)? / m)).collect();
     let relative = stats::median(&relative);
     for (j, name) in model.outputs().iter().enumerate() {
-        if sensors[j].is_some() || !(spread[j] > 0.0) {
+        if sensors[j].is_some() || spread[j].is_nan() || spread[j] == 0.0 {
             continue;
         }
         let sd = relative * spread[j];
@@ -343,16 +350,11 @@ fn setups(
 }
 
 /// For every effect that is not seen and every pair that is not told apart: the variations that lead beyond ten units.
-fn advise(
-    effects: &[Tried],
-    own: &[f64],
-    separation: &[Vec<f64>],
-    helps: &[(Setup, Vec<Vec<f64>>, Vec<f64>)],
-) -> Vec<Advice> {
-    let ranked = |now: f64, of: &dyn Fn(&(Setup, Vec<Vec<f64>>, Vec<f64>)) -> f64| {
+fn advise(effects: &[Tried], own: &[f64], separation: &[Vec<f64>], helps: &[Helped]) -> Vec<Advice> {
+    let ranked = |now: f64, of: &dyn Fn(&Helped) -> f64| {
         let mut by: Vec<Help> = helps
             .iter()
-            .map(|h| Help { sentence: h.0.sentence.clone(), kind: h.0.kind.into(), deviance: of(h) })
+            .map(|h| Help { sentence: h.setup.sentence.clone(), kind: h.setup.kind.into(), deviance: of(h) })
             .filter(|h| h.deviance > APART && h.deviance > now + ALIKE)
             .collect();
         by.sort_by(|a, b| b.deviance.total_cmp(&a.deviance));
@@ -360,7 +362,7 @@ fn advise(
     };
     let mut out = Vec::new();
     for (i, e) in effects.iter().enumerate().filter(|(_, e)| !e.detectable) {
-        out.push(Advice { of: vec![e.label()], now: own[i], by: ranked(own[i], &|h| h.2[i]) });
+        out.push(Advice { of: vec![e.label()], now: own[i], by: ranked(own[i], &|h| h.own[i]) });
     }
     for i in 0..effects.len() {
         for j in 0..i {
@@ -368,7 +370,7 @@ fn advise(
             // What is not seen cannot be told from anything; that is said above.
             if now <= APART && effects[i].detectable && effects[j].detectable {
                 let of = vec![effects[j].label(), effects[i].label()];
-                out.push(Advice { of, now, by: ranked(now, &|h| h.1[i][j]) });
+                out.push(Advice { of, now, by: ranked(now, &|h| h.separation[i][j]) });
             }
         }
     }

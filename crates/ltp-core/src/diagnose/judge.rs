@@ -5,7 +5,6 @@ use super::prepare::Ties;
 use super::score::Residuals;
 use super::trial::{Attachment, Bench, Trial, starts, widened};
 use crate::error::Result;
-use crate::model::System;
 
 /// Deviance within which two candidates count as the same answer.
 pub const APART: f64 = 10.0;
@@ -206,13 +205,10 @@ fn crossed(bench: &Bench<'_>, nominal: &Trial, trial: &Trial, halves: &Halves) -
             let fitted = Ground { experiments: &halves.parts[fold], ..bench.train };
             let predicted = Ground { experiments: &halves.parts[other], ..bench.train };
             let subject = t.made.subject();
-            let wide = |x: &[Vec<f64>]| -> Vec<Vec<f64>> {
-                let system = &t.made.system;
-                x.iter().map(|x| widened(x, system.states(), &system.initial_state())).collect()
-            };
             let from_here = |theta: &[f64], ground: Ground<'_>, half: usize| {
                 let p = full(&t.made.system, theta);
-                starts(&t.made.model, &t.made.extra, &p, ground, &wide(&halves.start[half]), &halves.ties[half], None)
+                let near = widened(&t.made.system, &p, ground.experiments, &halves.start[half]);
+                starts(&t.made.model, &t.made.extra, &p, ground, &near, &halves.ties[half], None)
             };
             let x0 = from_here(&t.fit.point.theta, fitted, fold);
             let from = Point { theta: t.fit.point.theta.clone(), x0 };

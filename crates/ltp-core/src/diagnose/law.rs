@@ -39,7 +39,8 @@ impl LawFunction {
             outputs: IndexMap::from([("force_".to_string(), Definition::Plain(text))]),
             ..Document::default()
         };
-        let model = Model::new(document, Library::shipped()?, effect)?;
+        // A law that needs more of its port than position and velocity (its acceleration, its stiffness) has no such table.
+        let Ok(model) = Model::new(document, Library::shipped()?, effect) else { return Ok(None) };
         let names = e.parameters.keys().cloned().collect();
         Ok(Some(Self { system: model.compile_for((0..e.parameters.len()).collect(), Backend::Native), names }))
     }

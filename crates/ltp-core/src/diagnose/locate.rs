@@ -28,7 +28,7 @@ const RIPPLED: usize = 40;
 const DRIFT: usize = 3;
 /// Blocks that are left out in turn: long against the memory of the motion, short against the time in which it comes back to
 /// the same positions and speeds, since a law cannot be judged where it was never seen.
-pub const BLOCKS: usize = 25;
+const BLOCKS: usize = 25;
 /// Share of what a simpler group leaves that a richer one must explain to be named instead.
 const RICHER: f64 = 0.5;
 /// What a force depends on that never changes.
@@ -303,7 +303,7 @@ fn depends_on(forces: &[Force], seed: u64) -> (&'static str, f64, f64) {
 
 /// A smooth function of a series: its cubic B-splines between the one-percent quantiles, the first left out because a
 /// constant is always part of a regression.
-pub fn splines(x: &[f64], pieces: usize) -> Vec<Vec<f64>> {
+fn splines(x: &[f64], pieces: usize) -> Vec<Vec<f64>> {
     let (low, high) = (stats::quantile(x, 0.01), stats::quantile(x, 0.99));
     let Ok(basis) = BSplines::new(low, high, pieces) else { return Vec::new() };
     let rows: Vec<Vec<f64>> = x.iter().map(|&x| basis.row(x.clamp(low, high))).collect();

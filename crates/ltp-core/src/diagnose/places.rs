@@ -35,6 +35,11 @@ impl<'a> Places<'a> {
         Self { model, train, scene, ports: forces.iter().map(port).collect() }
     }
 
+    /// The ports.
+    pub fn ports(&self) -> &[Place] {
+        &self.ports
+    }
+
     /// Effects with the places at which they may act.
     ///
     /// # Errors

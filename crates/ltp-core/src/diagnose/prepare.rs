@@ -310,8 +310,7 @@ pub fn substeps(system: &dyn System, p: &[f64], ground: Ground<'_>, start: &[Vec
     })
 }
 
-/// The library without the unknown force, and without errors of parameters that were stated as exact: names that are tried
-/// unless others are asked for.
+/// The library without the unknown force: names that are tried unless others are asked for.
 pub fn candidates(library: &Library) -> Vec<String> {
-    library.names().filter(|n| ![UNKNOWN_FORCE, "parameter_error"].contains(n)).map(String::from).collect()
+    library.names().filter(|n| *n != UNKNOWN_FORCE).map(String::from).collect()
 }

@@ -187,17 +187,12 @@ impl<'a> Screen<'a> {
         let step = self.fitted.step(&all);
         let subject = self.base.made.subject();
         let to = moved(&subject, self.bench.train, at, &step);
-        Some(Finding { gain, start: self.joined(candidate, &to, &own), actions, imitated })
-    }
-
-    /// A point of the hypothesis so far, with values of the candidate's own parameters.
-    pub fn joined(&self, candidate: &Candidate, at: &Point, own: &[f64]) -> Point {
-        joined(candidate, at, own)
+        Some(Finding { gain, start: joined(candidate, self.bench.train, &to, &own), actions, imitated })
     }
 
     /// Actions of a candidate on the train records, in units of noise, with zeros where priors stand.
     fn actions(&self, candidate: &Candidate, probe: &Probe) -> Option<Vec<DVector<f64>>> {
-        let at = joined(candidate, &self.base.fit.point, &probe.own);
+        let at = joined(candidate, self.bench.train, &self.base.fit.point, &probe.own);
         if probe.amplitudes.is_empty() {
             let system = candidate.made.model.compile_for(Vec::new(), Backend::Native);
             let p = full(&candidate.made.system, &at.theta);
@@ -211,7 +206,7 @@ impl<'a> Screen<'a> {
             if let Some((_, k)) = probe.wave {
                 own[k] = *phase;
             }
-            let at = joined(candidate, &self.base.fit.point, &own);
+            let at = joined(candidate, self.bench.train, &self.base.fit.point, &own);
             out.extend(self.derivatives(candidate, &at, &probe.amplitudes)?);
         }
         Some(out)
@@ -267,13 +262,11 @@ impl<'a> Screen<'a> {
 }
 
 /// A point of a fitted hypothesis with values of a candidate's own parameters, and its own states at their start.
-pub fn joined(candidate: &Candidate, at: &Point, own: &[f64]) -> Point {
+pub fn joined(candidate: &Candidate, ground: Ground<'_>, at: &Point, own: &[f64]) -> Point {
     let system = &candidate.made.system;
-    let initial = system.initial_state();
-    Point {
-        theta: [at.theta.as_slice(), own].concat(),
-        x0: at.x0.iter().map(|x| widened(x, system.states(), &initial)).collect(),
-    }
+    let theta = [at.theta.as_slice(), own].concat();
+    let x0 = widened(system, &full(system, &theta), ground.experiments, &at.x0);
+    Point { theta, x0 }
 }
 
 /// A finite probe with its action multiplied: amplitudes, if it has any, scale; shapes stay.

@@ -27,7 +27,7 @@ const ALSO: f64 = 0.7;
 const LEADERS: usize = 12;
 const FINALISTS: usize = 6;
 /// Distance in cost within which a candidate goes on in any case, and the share of the best one's gain.
-const NEAR: [(f64, f64); 2] = [(40.0, 0.3), (30.0, 0.05)];
+const NEAR: [(f64, f64); 2] = [(40.0, 0.5), (30.0, 0.1)];
 /// Mean square residual in units of noise below which a candidate explains everything.
 const REACHED: f64 = 1.08;
 /// Mean square residual in units of noise above which finalists are looked for from every start.
@@ -166,7 +166,7 @@ fn best(runners: &[Runner], (zero, samples): (f64, f64), near: (f64, f64), few: 
     let mut out: Vec<usize> = order
         .iter()
         .enumerate()
-        .filter(|(rank, (_, c))| *rank < 2 || (*rank < few && c - lowest <= window))
+        .filter(|(rank, (_, c))| *rank < few / 3 || (*rank < few && c - lowest <= window))
         .map(|(_, (i, _))| *i)
         .collect();
     for i in out.clone() {
@@ -276,7 +276,7 @@ impl Runner {
         let mut starts: Vec<(f64, Point)> = Vec::new();
         for own in inherited(&self.candidate, own)? {
             bench.train.control.check()?;
-            let point = joined(&self.candidate, at, &own);
+            let point = joined(&self.candidate, bench.train, at, &own);
             if let Some(c) = cost(&self.candidate.made.subject(), bench.train, &point, bench.train_start) {
                 starts.push((c, point));
             }
@@ -310,14 +310,14 @@ impl Runner {
             .map(|(p, v)| if p.sd.is_finite() { p.mean } else { *v })
             .collect();
         let beginning = Point { theta: stated, x0: bench.train_start.to_vec() };
-        let start = joined(&self.candidate, &beginning, &self.own_values());
+        let start = joined(&self.candidate, bench.train, &beginning, &self.own_values());
         let subject = self.candidate.made.subject();
         if everywhere {
             let mut starts = vec![start];
             starts.extend(
                 self.findings
                     .iter()
-                    .map(|f| joined(&self.candidate, &beginning, &f.start.theta[self.candidate.own[0]..])),
+                    .map(|f| joined(&self.candidate, bench.train, &beginning, &f.start.theta[self.candidate.own[0]..])),
             );
             let fit = descend(bench, &subject, &starts, bench.train_ties)?;
             self.keep(fit);

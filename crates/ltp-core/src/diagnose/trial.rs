@@ -2,6 +2,7 @@
 
 use indexmap::IndexMap;
 
+use super::experiment::Experiment;
 use super::fit::{FINE, Fitted, Ground, Point, Prior, Subject, full, homotopy, stage};
 use super::prepare::Ties;
 use super::score::Residuals;
@@ -15,6 +16,9 @@ const PATIENCE: usize = 4;
 /// Error of a predicted record over that of the fitted ones, both in units of noise, above which its start is looked for
 /// once more with an observer.
 const STRAYED: f64 = 1.2;
+
+/// Channels of delayed inputs that a model may have behind its own.
+const DELAYED: usize = 16;
 
 /// An effect and where it acts.
 pub type Attachment = (String, String);
@@ -206,19 +210,25 @@ pub fn finish(bench: &Bench<'_>, made: Made, fit: Fitted, near: &[Vec<f64>]) -> 
     let p = full(system, &fit.point.theta);
     let seen: f64 = bench.train.experiments.iter().map(|e| e.y.iter().filter(|v| v.is_finite()).count() as f64).sum();
     let level = fit.cost / seen.max(1.0);
-    let near: Vec<Vec<f64>> = near.iter().map(|x| widened(x, system.states(), &system.initial_state())).collect();
+    let near = widened(system, &p, bench.test.experiments, near);
     let test_x0 = starts(model, &made.extra, &p, bench.test, &near, bench.test_ties, Some(level));
     bench.train.control.check()?;
     let residuals = Residuals::of(system, &p, (bench.train, &fit.point.x0), (bench.test, &test_x0));
     Ok(Trial { made, fit, test_x0, residuals })
 }
 
-/// A state with those that an effect brings along.
-pub fn widened(x: &[f64], states: usize, initial: &[f64]) -> Vec<f64> {
-    let mut out = x.to_vec();
-    out.extend_from_slice(&initial[x.len().min(initial.len())..]);
-    out.truncate(states);
-    out
+/// Starting states of records with those that effects bring along, where they are to begin under parameters `p`.
+pub fn widened(system: &Compiled, p: &[f64], records: &[Experiment], x0: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let one = |(e, x): (&Experiment, &Vec<f64>)| {
+        if x.len() == system.states() {
+            return x.clone();
+        }
+        // Room for channels behind the inputs: delayed ones are at rest before the record.
+        let mut u = vec![0.0; system.inputs() + DELAYED];
+        e.inputs.eval(e.inputs.interval(e.t0 + 1e-6 * e.dt), e.t0, &mut u[..system.inputs()]);
+        system.started(x, e.t0, &u, p)
+    };
+    records.iter().zip(x0).map(one).collect()
 }
 
 /// Initial states of records under fixed parameters, from the recordings and an observer. Where `level` is given (the mean

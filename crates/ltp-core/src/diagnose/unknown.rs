@@ -1,82 +1,211 @@
-//! Physics outside the library: a force law over what it depends on, without a name.
+//! Physics outside the library: a force law without a name, in cubic B-splines over what it depends on.
+//!
+//! The law is an effect like any other, only with a coefficient per spline: it is attached to a port, fitted jointly with
+//! everything else, and must predict the held-out records to be believed. Three families are tried at every port: a force
+//! that follows position, one that follows velocity, and a damping that follows position.
 
-use super::locate::{BLOCKS, Located, splines};
-use super::result::Law;
-use super::trial::Trial;
-use crate::numeric::rows::RowQr;
+use indexmap::IndexMap;
+
+use super::candidates::Place;
+use super::forward::Explained;
+use super::judge::{self, Evidence, Halves};
+use super::result::{Force, Law};
+use super::search::search;
+use super::trial::{Bench, Made, Trial};
+use crate::error::Result;
+use crate::model::effects::EffectParameter;
+use crate::model::{Effect, Model, System};
 use crate::numeric::spline::BSplines;
-use crate::numeric::{regression, stats};
 
-/// Largest p-value of the dependence.
-const P_VALUE: f64 = 0.01;
-/// Smallest share of the missing force that the variable must explain on left-out blocks.
-const EXPLAINED: f64 = 0.3;
-/// Smallest residual, in units of noise, that calls for new physics.
-const LARGE: f64 = 2.0;
-/// Pieces of the cubic spline that are tried; the number that predicts left-out blocks best is drawn.
-const PIECES: [usize; 4] = [8, 16, 32, 48];
+/// Pieces of the cubic spline.
+const PIECES: usize = 9;
+/// Mean square residual in units of noise above which a law without a name is looked for.
+const LEFT: f64 = 1.5;
+/// Share of what a named effect leaves that a law without a name must remove to be said instead of it.
+const INSTEAD: f64 = 0.5;
+/// Points of the table.
+const GRID: usize = 121;
 
-/// Samples from which the number of pieces is chosen.
-const KEPT: usize = 4000;
+/// A family of laws.
+#[derive(Clone, Copy, PartialEq)]
+enum Family {
+    Position,
+    Velocity,
+    DampingOverPosition,
+}
 
-/// The law of a mismatch that is large, depends clearly on one variable, and has no name in the library.
-pub fn law(located: &Located, nominal: &Trial) -> Option<Law> {
-    let r = &nominal.residuals;
-    let (s, n) = r.energy(&r.train, 0);
-    let large = n > 0.0 && (s / n).sqrt() > LARGE;
-    let clear = located.location.p_value <= P_VALUE && located.explained >= EXPLAINED;
-    if !(large && clear) {
-        return None;
-    }
-    let forces = &located.forces;
-    let (variable, unit): (&str, String) = match located.location.variable.as_str() {
-        "position" => ("position", forces.first()?.position_unit.clone()),
-        "time" => ("time", "s".into()),
-        _ => ("velocity", forces.first()?.velocity_unit.clone()),
-    };
-    let pairs: Vec<(f64, f64)> = forces
-        .iter()
-        .flat_map(|f| {
-            let x = match variable {
-                "position" => &f.position,
-                "time" => &f.t,
-                _ => &f.velocity,
-            };
-            x.iter().copied().zip(f.force.iter().copied()).collect::<Vec<_>>()
-        })
-        .collect();
-    let xs: Vec<f64> = pairs.iter().map(|p| p.0).collect();
-    let (low, high) = (stats::quantile(&xs, 0.01), stats::quantile(&xs, 0.99));
-    let every = pairs.len().div_ceil(KEPT).max(1);
-    let thin: Vec<f64> = xs.iter().copied().step_by(every).collect();
-    let force: Vec<f64> = pairs.iter().map(|p| p.1).step_by(every).collect();
-    let predicts = |pieces: usize| regression::explained(&force, &splines(&thin, pieces), BLOCKS);
-    let pieces = PIECES.into_iter().max_by(|a, b| predicts(*a).total_cmp(&predicts(*b)))?;
-    let basis = BSplines::new(low, high, pieces).ok()?;
-    let mut rows = RowQr::new(basis.len());
-    for (x, w) in &pairs {
-        if (low..=high).contains(x) {
-            rows.push(&basis.row(*x), -w);
+const FAMILIES: [Family; 3] = [Family::Position, Family::Velocity, Family::DampingOverPosition];
+
+impl Family {
+    fn name(self) -> &'static str {
+        match self {
+            Family::Position => "unnamed_force_of_position",
+            Family::Velocity => "unnamed_force_of_velocity",
+            Family::DampingOverPosition => "unnamed_damping_over_position",
         }
     }
-    // A light curvature penalty keeps pieces without data tame.
-    let scale = (pairs.len() as f64).sqrt() * 1e-2;
-    for j in 1..basis.len() - 1 {
-        let mut row = vec![0.0; basis.len()];
-        (row[j - 1], row[j], row[j + 1]) = (scale, -2.0 * scale, scale);
-        rows.push(&row, 0.0);
+
+    fn variable(self) -> &'static str {
+        if self == Family::Velocity { "velocity" } else { "position" }
     }
-    let coefficients = rows.minimiser()?;
-    let value = |x: f64| basis.row(x).iter().zip(coefficients.iter()).map(|(b, c)| b * c).sum::<f64>();
-    let left = stats::rms(pairs.iter().filter(|(x, _)| (low..=high).contains(x)).map(|(x, w)| w - value(*x)));
-    let grid: Vec<f64> = (0..121).map(|i| low + (high - low) * f64::from(i) / 120.0).collect();
-    Some(Law {
-        at: located.location.at.clone(),
-        variable: variable.into(),
-        unit: forces.first()?.unit.clone(),
-        variable_unit: unit,
-        force: grid.iter().map(|&x| value(x)).collect(),
-        sd: vec![left; grid.len()],
+
+    fn of(self, f: &Force) -> &[f64] {
+        if self == Family::Velocity { &f.velocity } else { &f.position }
+    }
+
+    /// The effect over a range of the variable.
+    fn effect(self, (low, high): (f64, f64)) -> Effect {
+        let width = (high - low) / PIECES as f64;
+        let x = self.variable();
+        let term = |j: usize| {
+            let u = format!("abs(({x} - ({})) / {width})", low + (j as f64 - 1.0) * width);
+            format!("c{j}*if({u} < 1, 2/3 - {u}^2 + {u}^3/2, max(2 - {u}, 0)^3/6)")
+        };
+        let sum: Vec<String> = (0..PIECES + 3).map(term).collect();
+        let (factor, unit) = match self {
+            Family::DampingOverPosition => ("-velocity*", "force/velocity"),
+            _ => ("", "force"),
+        };
+        let coefficient = EffectParameter { unit: unit.into(), scale: unit.into(), ..EffectParameter::default() };
+        Effect {
+            sentence: format!("a force without a name that follows {x}"),
+            on: "port".into(),
+            law: Some(format!("{factor}({})", sum.join(" + "))),
+            parameters: (0..PIECES + 3).map(|j| (format!("c{j}"), coefficient.clone())).collect(),
+            reference: "de Boor, A Practical Guide to Splines, 2001".into(),
+            ..Effect::default()
+        }
+    }
+}
+
+/// A law without a name that was accepted.
+pub struct Unnamed {
+    /// The fitted hypothesis.
+    pub trial: Trial,
+    /// Table of the law.
+    pub law: Law,
+    /// What spoke for it.
+    pub evidence: Evidence,
+}
+
+/// Looks for a law without a name on top of the nominal model, where the named effects leave much.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+pub fn unnamed(
+    bench: &Bench<'_>,
+    e: &Explained,
+    forces: &[(String, Vec<Force>)],
+    places: &[Place],
+    halves: Option<&Halves>,
+) -> Result<Option<Unnamed>> {
+    let outputs = bench.train.sigma.len();
+    if super::forward::left(e.last(), outputs) < LEFT {
+        return Ok(None);
+    }
+    let mut model = bench.model.clone();
+    let mut jobs = Vec::new();
+    let mut ranges = IndexMap::new();
+    for (port, along) in forces {
+        let Some(place) = places.iter().find(|p| p.at == *port) else { continue };
+        for family in FAMILIES {
+            let values = || along.iter().flat_map(|f| family.of(f).iter().copied());
+            let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+            if !(high > low && (high - low).is_finite()) {
+                continue;
+            }
+            let name = format!("{}_{}", family.name(), ranges.len());
+            model = model.with_effect(&name, family.effect((low, high)))?;
+            ranges.insert((name.clone(), port.clone()), (family, low, high));
+            jobs.push((name, place.clone()));
+        }
+    }
+    if jobs.is_empty() {
+        return Ok(None);
+    }
+    let base = retold(&e.nominal, model);
+    let mut found = search(bench, &base, &jobs, (0.9, 0.95))?;
+    let ranking = judge::rank(&base, &found.trials);
+    let Some(best) = ranking.order.iter().find_map(|(i, _)| *i) else { return Ok(None) };
+    let evidence = judge::weigh(bench, &base, &found.trials[best], halves, jobs.len())?;
+    let trial = found.trials.swap_remove(best);
+    let energy = |t: &Trial| t.residuals.structural(&t.residuals.train);
+    let instead = !e.found() || energy(&trial) < INSTEAD * energy(e.last());
+    if !(evidence.accepted() && instead) {
+        return Ok(None);
+    }
+    let Some(((_, port), &(family, low, high))) =
+        trial.made.effects.last().and_then(|key| ranges.get_key_value(key))
+    else {
+        return Ok(None);
+    };
+    let law = table(&trial, port, family, (low, high))?;
+    Ok(Some(Unnamed { law, trial, evidence }))
+}
+
+/// A fitted hypothesis with a larger library behind it.
+fn retold(t: &Trial, model: Model) -> Trial {
+    let system = model.compile();
+    debug_assert_eq!(system.states(), t.made.system.states());
+    let made = Made {
+        effects: t.made.effects.clone(),
+        priors: t.made.priors.clone(),
+        extra: t.made.extra.clone(),
+        model,
+        system,
+    };
+    Trial { made, fit: t.fit.clone(), test_x0: t.test_x0.clone(), residuals: t.residuals.clone() }
+}
+
+/// The law over its range with the band of its coefficients.
+fn table(t: &Trial, port: &str, family: Family, (low, high): (f64, f64)) -> Result<Law> {
+    let basis = BSplines::new(low, high, PIECES)?;
+    let sds = t.sds();
+    let own = t.own(t.made.effects.len() - 1);
+    let grid: Vec<f64> = (0..GRID).map(|i| low + (high - low) * i as f64 / (GRID - 1) as f64).collect();
+    let sign = if family == Family::DampingOverPosition { -1.0 } else { 1.0 };
+    let at = |x: f64, value: &dyn Fn(usize) -> f64| -> Vec<f64> {
+        basis.row(x).iter().zip(&own).map(|(b, (k, _))| b * value(*k)).collect()
+    };
+    let force = |x: f64| sign * at(x, &|k| t.fit.point.theta[k]).iter().sum::<f64>();
+    let sd = |x: f64| at(x, &|k| sds[k]).iter().map(|v| v * v).sum::<f64>().sqrt();
+    let [unit, position, velocity] = t.made.model.port_units(port)?;
+    let per = if family == Family::DampingOverPosition { format!("{unit} / ({velocity})") } else { unit };
+    Ok(Law {
+        at: port.to_string(),
+        variable: family.variable().to_string(),
+        unit: per,
+        variable_unit: if family == Family::Velocity { velocity } else { position },
+        force: grid.iter().map(|x| force(*x)).collect(),
+        sd: grid.iter().map(|x| sd(*x)).collect(),
         grid,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::zoo;
+
+    #[test]
+    fn the_law_as_an_effect_is_the_spline() {
+        let (low, high) = (-0.7, 1.9);
+        let basis = BSplines::new(low, high, PIECES).unwrap();
+        let model = zoo("drive").unwrap().with_effect("law", Family::Velocity.effect((low, high))).unwrap();
+        let names: Vec<String> = (0..PIECES + 3).map(|j| format!("c{j}")).collect();
+        let values: Vec<(&str, f64)> = names.iter().enumerate().map(|(j, n)| (n.as_str(), (j as f64).sin())).collect();
+        let model = model.attach("law", "drive", &values).unwrap();
+        let plain = zoo("drive").unwrap().compile();
+        let system = model.compile();
+        let mass = plain.parameters()[0];
+        for i in 0..50 {
+            let v = low + (high - low) * f64::from(i) / 49.0;
+            let at = |p| crate::model::Point { t: 0.0, x: &[0.1, v], u: &[2.0], p };
+            let (mut with, mut without) = ([0.0; 2], [0.0; 2]);
+            system.flow(0, at(system.parameters()), &mut with);
+            plain.flow(0, at(plain.parameters()), &mut without);
+            let force: f64 = basis.row(v).iter().zip(&values).map(|(b, (_, c))| b * c).sum();
+            assert!(((with[1] - without[1]) * mass - force).abs() < 1e-9 * mass, "at {v}");
+        }
+    }
 }

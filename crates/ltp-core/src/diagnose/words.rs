@@ -90,6 +90,9 @@ pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
             )
         }
         Verdict::Consistent => format!("The model explains the recordings: nothing needs to be added{errors}."),
+        Verdict::Parameter if !d.effects.is_empty() => {
+            format!("The structure is right, but a parameter that was stated as exact is off: {named}{errors}.")
+        }
         Verdict::Parameter => {
             let list: Vec<String> = moved
                 .iter()

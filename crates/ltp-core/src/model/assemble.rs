@@ -88,6 +88,8 @@ pub struct Assembly {
     pub states: Vec<String>,
     /// Initial values.
     pub initial: Vec<f64>,
+    /// States of effects whose initial value follows from the model's state, with the expression.
+    pub starts: Vec<(usize, Id)>,
     /// Parameters, the document's first, then those of effects.
     pub parameters: Vec<ParameterInfo>,
     /// Modes.
@@ -208,6 +210,7 @@ pub fn assemble(doc: &Document, library: &Library, source: &str) -> Result<Assem
     let mut assembly = Assembly {
         graph,
         initial: names.initial.clone(),
+        starts: Vec::new(),
         parameters: names.parameters.clone(),
         states: names.states.clone(),
         modes,
@@ -378,6 +381,7 @@ fn initial_effect_states(a: &mut Assembly, scope: &mut Scope<'_>, doc: &Document
             let Some(text) = &s.start else { continue };
             let words = words(&mut a.graph, scope, doc, &a.modes[a.initial_mode].ports, k)?;
             let id = scope.law(&mut a.graph, text, e, &words, &format!("states.{state}"))?;
+            a.starts.push((e.states[state], id));
             let leaves = a.graph.leaves(&[id]);
             let values: Vec<(Symbol, Id)> = leaves
                 .into_iter()
@@ -385,7 +389,8 @@ fn initial_effect_states(a: &mut Assembly, scope: &mut Scope<'_>, doc: &Document
                     let value = match leaf {
                         Symbol::State(i) => a.initial[i],
                         Symbol::Parameter(i) => a.parameters[i].value,
-                        Symbol::Input(i) => doc.inputs[i].value.unwrap_or(0.0),
+                        // Channels behind the document's own are delayed ones: at rest before the record.
+                        Symbol::Input(i) => doc.inputs.get_index(i).and_then(|(_, u)| u.value).unwrap_or(0.0),
                         _ => 0.0,
                     };
                     (leaf, a.graph.constant(value))

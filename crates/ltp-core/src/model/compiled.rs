@@ -133,6 +133,22 @@ impl Compiled {
         self.mode(self.initial_mode()).flow.is_native()
     }
 
+    /// A whole state from the model's own part `x` of it: states of effects begin where their documents say that they do, at
+    /// time `t` and inputs `u`, under parameters `p`.
+    pub fn started(&self, x: &[f64], t: f64, u: &[f64], p: &[f64]) -> Vec<f64> {
+        let mut whole = self.assembly.initial.clone();
+        whole[..x.len()].copy_from_slice(x);
+        for (state, id) in self.assembly.starts.iter().filter(|(state, _)| *state >= x.len()) {
+            let mut value = [0.0];
+            let at = Point { t, x: &whole, u, p };
+            Program::plain(&self.assembly.graph, &[*id]).eval(at, &mut value);
+            if value[0].is_finite() {
+                whole[*state] = value[0];
+            }
+        }
+        whole
+    }
+
     /// Compiles values and derivatives of the document's modes, every element slipping forward: the cost of loading.
     pub fn warm(&self) {
         for base in 0..self.assembly.modes.len() {

@@ -24,10 +24,12 @@ def _sentence(view: View) -> str:
         "The force that the nominal equations lack, estimated from the training records by a smoother that knows no "
         "law of friction or stiffness. "
     )
-    if not view.added:
+    if not view.added and view.verdict != "unknown":
         return text + "Nothing in it justifies an addition to the model."
     at = next(iter(view.forces))
     depends = f"It depends on {dependence(view.variable(at))}"
+    if view.verdict == "unknown" and view.law(at) is None:
+        return f"{text}{depends}, but no effect of the library and no law of that variable says what it is."
     if view.verdict == "unknown":
         return f"{text}{depends}, and the law drawn over it is a table, not a named effect."
     return f"{text}{depends}; the line is the law of {view.effect_label}, fitted to the motion."
@@ -44,15 +46,15 @@ def _figure(view: View, at: str, index: int) -> str:
         caption += " The band around the law is two sigma."
     caption += f" Over time: record {forces[0].record}."
     out = figure(drawing, f"force{index}", f"Estimated missing force at port {at} against {main}. {caption}", caption)
-    clocked = [f for f in forces if f.phase is not None and len(f.phase)]
-    if clocked:
-        marks = [p for place in view.locations if place.get("at") == at for p in _numbers(place.get("phases"))]
-        text = (
-            f"The same force at port {at} over the phase of the clock. Shaded: the middle half of the samples of a bin."
-        )
+    clocked = all(f.phase is not None and len(f.phase) for f in forces)
+    if clocked or any(len(f.modes) > 1 for f in forces):
+        found = [p for place in view.locations if place.get("at") == at for p in _numbers(place.get("phases"))]
+        marks = found if clocked else []
+        over = "phase of the clock" if clocked else "time since the mode was entered"
+        text = f"The same force at port {at} over the {over}. Shaded: the middle half of the samples of a bin."
         if marks:
             text += " Dashed: where it acts, as located."
-        out += figure(force_over_phase(clocked, units=view.units(at), phases=marks), f"phase{index}", text, text)
+        out += figure(force_over_phase(forces, units=view.units(at), phases=marks), f"phase{index}", text, text)
     if law is not None and view.verdict == "unknown":
         units = view.units(at)
         step = max(1, len(law.grid) // 40)

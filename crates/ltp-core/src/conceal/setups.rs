@@ -59,7 +59,7 @@ impl Setup {
         let model = SYSTEMS.into_iter().find(|s| *s == system).ok_or_else(|| Error::UnknownName {
             kind: "system".into(),
             name: system.into(),
-            nearest: nearest(system, SYSTEMS.into_iter()),
+            nearest: nearest(system, SYSTEMS),
             context: "conceal".into(),
         })?;
         let tau = 2.0 * std::f64::consts::PI;

@@ -135,9 +135,8 @@ impl<'a> Walker<'a> {
         let mut z = run.x0.to_vec();
         z.resize(machine.nz, 0.0);
         // States that an effect brings along start as its document says.
-        for k in run.x0.len()..machine.nx {
-            z[k] = machine.initial[k];
-        }
+        let own = run.x0.len()..machine.nx;
+        z[own.clone()].copy_from_slice(&machine.initial[own]);
         let elements = machine.modes[0].elements;
         Self {
             machine,

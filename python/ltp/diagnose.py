@@ -80,6 +80,24 @@ class Separating:
 
 
 @dataclass(frozen=True)
+class EventTime:
+    """Time of a transition, measured minus predicted by the refitted nominal model: negative `residual_s` is early.
+
+    `sd_s` is one standard deviation, `phase` where in the cycle it falls (None without a clock), `count` how many events
+    it was measured from.
+    """
+
+    record: str
+    name: str
+    mode_from: str
+    mode_to: str
+    residual_s: float
+    sd_s: float
+    phase: float | None
+    count: int
+
+
+@dataclass(frozen=True)
 class Effect:
     """A piece of physics that was left out: its name, where it acts, and the share of the mismatch that it explains."""
 
@@ -203,6 +221,7 @@ class Diagnosis:
     parameters: dict[str, ParameterChange]
     absorbed: list[Absorbed]
     separate: list[Separating]
+    events: list[EventTime]
     fit: Fit
     law: Law | None
     warnings: list[str]
@@ -345,6 +364,7 @@ def _from_tree(core: _Core, tree: dict[str, Any]) -> Diagnosis:
         parameters={name: _change(entry) for name, entry in tree["parameters"].items()},
         absorbed=[Absorbed(**entry) for entry in tree["absorbed"]],
         separate=[Separating(**entry) for entry in tree["separate"]],
+        events=[EventTime(**entry) for entry in tree["events"]],
         fit=Fit([_row(row) for row in tree["fit"]["train"]], [_row(row) for row in tree["fit"]["test"]]),
         law=None
         if law is None

@@ -122,7 +122,7 @@ fn work(
         return Err(stranger);
     }
     (control.progress)("weighing the evidence", 0.9);
-    let unnamed = unknown::unnamed(&bench, &explained, &forces, places.ports(), halves.as_ref())?;
+    let unnamed = unknown::unnamed(&bench, &explained, &forces, places.ports(), halves.as_ref(), &mut warnings)?;
     conclude::conclude(conclude::Case {
         model,
         bench: &bench,

@@ -121,14 +121,18 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Whether the effect is real, predicts, and matters.
+    /// Whether the effect is real, predicts, and matters, and its size is told from zero.
     pub fn accepted(&self) -> bool {
+        self.explains() && self.sized >= SIZED
+    }
+
+    /// Whether it is real, predicts, and matters: all that can be asked of a law in many coefficients that share its size.
+    pub fn explains(&self) -> bool {
         self.gain > self.threshold
             && self.held_out < 0.0
             && self.whitened > self.threshold
             && self.predicted >= MATERIAL
             && self.share >= MATERIAL
-            && self.sized >= SIZED
     }
 
     /// What speaks for an effect that was not accepted, and what against it; `None` where little speaks for it.

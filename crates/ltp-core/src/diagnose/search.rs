@@ -30,6 +30,8 @@ const LEADERS: usize = 12;
 const FINALISTS: usize = 6;
 /// Distance in cost within which a candidate goes on in any case, and the share of the best one's gain.
 const NEAR: [(f64, f64); 2] = [(40.0, 0.5), (30.0, 0.1)];
+/// Share of the cost without an effect below which a candidate has come some way.
+const STIRRED: f64 = 0.97;
 /// Mean square residual in units of noise below which a candidate explains everything.
 const REACHED: f64 = 1.08;
 /// Mean square residual in units of noise above which finalists are looked for from every start.
@@ -126,6 +128,13 @@ pub fn search(bench: &Bench<'_>, base: &Trial, jobs: &[(String, Place)], share: 
         tell(&r.candidate.label(), 1.0);
         r.more(bench, SECOND)
     })?;
+    if runners.iter().filter_map(Runner::cost).fold(f64::INFINITY, f64::min) > ROUGH_LEFT * samples {
+        // Nobody explains it yet: whoever has come any way at all may only be slow.
+        let slow: Vec<usize> = (0..runners.len())
+            .filter(|i| !alive.contains(i) && runners[*i].cost().is_some_and(|c| c < STIRRED * zero.0))
+            .collect();
+        chosen(&mut runners, &slow).into_par_iter().try_for_each(|r| r.more(bench, SECOND))?;
+    }
     alive = best(&runners, zero, NEAR[1], FINALISTS);
     let lowest = runners.iter().filter_map(Runner::cost).fold(f64::INFINITY, f64::min);
     let everywhere = lowest > ROUGH_LEFT * samples;

@@ -23,6 +23,8 @@ const PIECES: usize = 9;
 const LEFT: f64 = 1.5;
 /// Share of what a named effect leaves that a law without a name must remove to be said instead of it.
 const INSTEAD: f64 = 0.5;
+/// Difference, as a share of what the named effects leave, below which a law does as well without them as beside them.
+const ALIKE: f64 = 0.1;
 /// Points of the table.
 const GRID: usize = 121;
 
@@ -98,18 +100,20 @@ pub fn unnamed(
     forces: &[(String, Vec<Force>)],
     places: &[Place],
     halves: Option<&Halves>,
+    warnings: &mut Vec<String>,
 ) -> Result<Option<Unnamed>> {
     if left(e.last(), bench.train.sigma.len()) < LEFT {
         return Ok(None);
     }
     let energy = |t: &Trial| t.residuals.structural(&t.residuals.train);
-    let alone = added(bench, &e.nominal, forces, places, halves)?;
+    let alone = added(bench, &e.nominal, forces, places, halves, warnings)?;
     if !e.found() {
         return Ok(alone);
     }
-    let beside = added(bench, e.last(), forces, places, halves)?;
-    let reached = beside.as_ref().map_or(energy(e.last()), |u| energy(&u.trial));
-    let better = |u: &Unnamed| energy(&u.trial) < INSTEAD * energy(e.last()) && energy(&u.trial) < 2.0 * reached;
+    let beside = added(bench, e.last(), forces, places, halves, warnings)?;
+    let named = energy(e.last());
+    let reached = beside.as_ref().map_or(named, |u| energy(&u.trial));
+    let better = |u: &Unnamed| energy(&u.trial) < INSTEAD * named && energy(&u.trial) < reached + ALIKE * named;
     Ok(alone.filter(better).or(beside))
 }
 
@@ -120,6 +124,7 @@ fn added(
     forces: &[(String, Vec<Force>)],
     places: &[Place],
     halves: Option<&Halves>,
+    warnings: &mut Vec<String>,
 ) -> Result<Option<Unnamed>> {
     let mut model = base.made.model.clone();
     let mut jobs = Vec::new();
@@ -145,7 +150,15 @@ fn added(
     let mut found = search(bench, &base, &jobs, (0.9, 0.95))?;
     let ranking = judge::rank(&base, &found.trials);
     let Some(best) = ranking.winner(&found.trials) else { return Ok(None) };
-    if !judge::weigh(bench, &base, &found.trials[best], halves, jobs.len())?.accepted() {
+    let evidence = judge::weigh(bench, &base, &found.trials[best], halves, jobs.len())?;
+    if !evidence.explains() {
+        let (family, ..) = found.trials[best]
+            .made
+            .effects
+            .last()
+            .and_then(|key| ranges.get(key))
+            .map_or((Family::Position, 0.0, 0.0), |r| *r);
+        warnings.extend(evidence.refusal(&format!("a law without a name that follows {}", family.variable())));
         return Ok(None);
     }
     let trial = found.trials.swap_remove(best);
@@ -214,10 +227,10 @@ mod tests {
         let mass = plain.parameters()[0];
         for i in 0..50 {
             let v = low + (high - low) * f64::from(i) / 49.0;
-            let at = |p| crate::model::Point { t: 0.0, x: &[0.1, v], u: &[2.0], p };
+            let (x, u) = ([0.1, v], [2.0]);
             let (mut with, mut without) = ([0.0; 2], [0.0; 2]);
-            system.flow(0, at(system.parameters()), &mut with);
-            plain.flow(0, at(plain.parameters()), &mut without);
+            system.flow(0, crate::model::Point { t: 0.0, x: &x, u: &u, p: system.parameters() }, &mut with);
+            plain.flow(0, crate::model::Point { t: 0.0, x: &x, u: &u, p: plain.parameters() }, &mut without);
             let force: f64 = basis.row(v).iter().zip(&values).map(|(b, (_, c))| b * c).sum();
             assert!(((with[1] - without[1]) * mass - force).abs() < 1e-9 * mass, "at {v}");
         }

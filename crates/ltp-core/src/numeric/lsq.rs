@@ -313,6 +313,10 @@ impl Local {
         let norms: Vec<f64> =
             free.iter().map(|&j| self.r.column(j).norm()).map(|v| if v > 0.0 { v } else { 1.0 }).collect();
         let scaled = DMatrix::from_fn(n, free.len(), |i, c| self.r[(i, free[c])] / norms[c]);
+        // A column too long for its square tells nothing, and the decomposition would not end.
+        if scaled.iter().any(|v| !v.is_finite()) || norms.iter().any(|v| !v.is_finite()) {
+            return DMatrix::from_diagonal_element(n, n, f64::INFINITY);
+        }
         let svd = scaled.svd(false, true);
         let Some(v_t) = svd.v_t else {
             return DMatrix::from_diagonal_element(n, n, f64::INFINITY);

@@ -280,6 +280,7 @@ pub fn stage(
     let mut settings = lsq::Settings::new(z.len());
     settings.max_iterations = effort.iterations;
     settings.ftol = effort.ftol;
+    settings.ahead = true;
     for (i, p) in subject.priors.iter().enumerate().take(np) {
         settings.lower[i] = if p.log { p.inward(p.bounds.0) } else { p.bounds.0 };
         settings.upper[i] = p.inward(p.bounds.1);

@@ -57,12 +57,15 @@ pub struct Settings {
     pub lower: Vec<f64>,
     /// Largest allowed value of each unknown `(n,)`.
     pub upper: Vec<f64>,
+    /// Whether the point after a step that went well is linearised at once instead of being looked at first: cheaper where a
+    /// linearisation costs less than three evaluations, and steps rarely fail.
+    pub ahead: bool,
     /// First damping, relative to the squared column norms; 1e-3 for good starts, 1 for poor ones.
     pub initial_lambda: f64,
 }
 
 impl Settings {
-    /// No bounds, unit scales, `xtol` 1e-8, `ftol` 1e-10, 50 iterations.
+    /// No bounds, unit scales, `xtol` 1e-8, `ftol` 1e-10, 50 iterations, every point looked at first.
     pub fn new(unknowns: usize) -> Self {
         Settings {
             max_iterations: 50,
@@ -71,6 +74,7 @@ impl Settings {
             scale: vec![1.0; unknowns],
             lower: vec![f64::NEG_INFINITY; unknowns],
             upper: vec![f64::INFINITY; unknowns],
+            ahead: false,
             initial_lambda: 1e-3,
         }
     }
@@ -206,7 +210,7 @@ pub fn minimise(problem: &mut dyn LeastSquares, x0: &[f64], settings: &Settings)
             let promised_little = gained <= settings.ftol * cost && step.decrease <= settings.ftol * cost;
             flat = if promised_little { flat + 1 } else { 0 };
             let was_free = lambda <= 1.0;
-            confident = ratio > 0.5;
+            confident = settings.ahead && ratio > 0.5;
             lambda = (lambda * (1.0 - (2.0 * ratio.min(2.0) - 1.0).powi(3)).max(1.0 / 3.0)).max(*LAMBDA.start());
             growth = 2.0;
             (x, cost, local) = (trial, next, linearised);

@@ -116,7 +116,16 @@ fn work(
     let explained = forward::explain(&bench, nominal, &jobs, halves.as_ref(), &mut warnings)?;
     (control.progress)("weighing the evidence", 0.9);
     let unnamed = unknown::unnamed(&bench, &explained, &forces, places.ports(), halves.as_ref())?;
-    conclude::conclude(conclude::Case { model, bench: &bench, scene: &scene, explained, unnamed, located, warnings, clock })
+    conclude::conclude(conclude::Case {
+        model,
+        bench: &bench,
+        scene: &scene,
+        explained,
+        unnamed,
+        located,
+        warnings,
+        clock,
+    })
 }
 
 fn effect_names(model: &Model, options: &Options) -> Result<Vec<String>> {

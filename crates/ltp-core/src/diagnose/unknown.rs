@@ -134,8 +134,7 @@ pub fn unnamed(
     if !(evidence.accepted() && instead) {
         return Ok(None);
     }
-    let Some(((_, port), &(family, low, high))) =
-        trial.made.effects.last().and_then(|key| ranges.get_key_value(key))
+    let Some(((_, port), &(family, low, high))) = trial.made.effects.last().and_then(|key| ranges.get_key_value(key))
     else {
         return Ok(None);
     };

@@ -122,11 +122,7 @@ fn work(
         return Err(stranger);
     }
     (control.progress)("weighing the evidence", 0.9);
-<<<<<<< HEAD
     let unnamed = unknown::unnamed(&bench, &explained, &forces, places.ports(), halves.as_ref(), &mut warnings)?;
-=======
-    let unnamed = unknown::unnamed(&bench, &explained, &forces, places.ports(), halves.as_ref())?;
->>>>>>> help-T
     conclude::conclude(conclude::Case {
         model,
         bench: &bench,

@@ -110,8 +110,8 @@ fn the_right_port_of_two() {
 fn foreign(force: &str, seed: u64) -> Case {
     let mut case = conceal(&recipe("nothing", seed)).unwrap();
     let mut document = zoo("drive").unwrap().document().clone();
-    for (name, value, unit) in [("ripple", 6.0, "N"), ("pitch", 0.04, "m"), ("rate", 5.0, "rad/s")] {
-        let p = Parameter { value, unit: Some(unit.into()), ..Parameter::default() };
+    for (name, value) in [("ripple", 6.0), ("rate", 5.0)] {
+        let p = Parameter { value, ..Parameter::default() };
         document.parameters.insert(name.into(), p);
     }
     let v = document.flow.get_mut("v").unwrap();

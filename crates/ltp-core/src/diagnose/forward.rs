@@ -119,7 +119,10 @@ pub fn explain(
         }
         out.rounds.push(next.round);
         out.pruned = None;
-        if let Some(simpler) = pruned(bench, out.last())? {
+        // What is left after an effect was taken out again must still stand by itself.
+        if let Some(simpler) = pruned(bench, out.last())?
+            && judge::weigh(bench, &out.nominal, &simpler, halves, open.len())?.accepted()
+        {
             out.pruned = Some(simpler);
         }
         if left(out.last(), outputs) <= EXPLAINED {

@@ -141,6 +141,9 @@ fn ranked(base: &Trial, round: &Round) -> Vec<Candidate> {
         converged: false,
         parameters: a.parameters.clone(),
         note: Some(match (a.why, a.cost) {
+            (Why::Imitated, _) if with.is_empty() => {
+                "the nominal parameters can do the same: it cannot be told from them".into()
+            }
             (Why::Imitated, _) => "what is fitted already can do the same: it cannot be told from it".into(),
             (Why::Behind, Some(c)) => format!(
                 "set aside unfinished: its sum of squares stood {} above the best of those that were fitted to the end",

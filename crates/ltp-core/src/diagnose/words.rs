@@ -140,10 +140,10 @@ pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
                 .collect();
             format!("The structure is right, but {}{errors}.", list.join(" and "))
         }
-        Verdict::Effect => {
-            let verb = if d.effects.len() > 1 { "were" } else { "was" };
-            format!("{named} {verb} left out{place}{errors}.")
-        }
+        Verdict::Effect => match d.effects.as_slice() {
+            [e] => format!("`{}` at `{}` was left out: {}{place}{errors}.", e.name, e.at, parameters(e)),
+            _ => format!("{named} were left out{place}{errors}."),
+        },
         Verdict::Ambiguous => {
             let others = d.ambiguous_with.iter().map(|o| format!("`{o}`")).collect::<Vec<_>>().join(", ");
             format!(

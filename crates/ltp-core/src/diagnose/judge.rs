@@ -116,7 +116,7 @@ pub struct Evidence {
     pub share: f64,
     /// What a gain must exceed.
     pub threshold: f64,
-    /// Largest ratio of a parameter of the effect to its standard deviation.
+    /// Distance of the least certain added effect from none at all, in standard deviations of its size.
     pub sized: f64,
 }
 
@@ -195,10 +195,6 @@ pub fn weigh(
     let added = (trial.fit.point.theta.len() - nominal.fit.point.theta.len()) as f64;
     let filters = b.filters();
     let whitened = |r: &Residuals| r.whitened_deviance(&r.train, &filters) + r.whitened_deviance(&r.test, &filters);
-    let sd = trial.sds();
-    let own = sd.len() - nominal.fit.point.theta.len();
-    let values = trial.fit.point.theta.iter().zip(&sd).rev().take(own);
-    let sizes = values.map(|(v, sd)| if *sd > 0.0 { (v / sd).abs() } else { 0.0 });
     Ok(Evidence {
         gain: a.deviance(&a.train) - b.deviance(&b.train) - added * samples.max(2.0).ln(),
         held_out: b.deviance(&b.test) - a.deviance(&a.test),
@@ -209,8 +205,30 @@ pub fn weigh(
         },
         share: removed(&[(a, &a.train)], &[(b, &b.train)]),
         threshold: 12.0 + 2.0 * (library.max(1) as f64).ln(),
-        sized: sizes.fold(0.0, f64::max),
+        sized: sized(trial, nominal.made.effects.len())?,
     })
+}
+
+/// How far the added effects' sizes are from where they would be absent, in standard deviations: the least of them counts. A
+/// phase or a wavelength is well determined also of a force that is not there.
+fn sized(t: &Trial, before: usize) -> Result<f64> {
+    let sd = t.sds();
+    let mut least = f64::INFINITY;
+    for (k, (name, _)) in t.made.effects.iter().enumerate().skip(before) {
+        let effect = t.made.model.library().get(name)?;
+        let is_size = |own: &str| {
+            effect.parameters.get(own).is_some_and(|p| p.shape.is_empty() && p.value.is_none() && p.neutral.is_finite())
+        };
+        let own = t.own(k);
+        let any = own.iter().any(|(_, n)| is_size(n));
+        let far = own.iter().filter(|(_, n)| !any || is_size(n)).map(|(i, n)| {
+            let absent = effect.parameters.get(n).map_or(0.0, |p| p.neutral);
+            let absent = if absent.is_finite() { absent } else { 0.0 };
+            if sd[*i] > 0.0 { (t.fit.point.theta[*i] - absent).abs() / sd[*i] } else { 0.0 }
+        });
+        least = least.min(far.fold(0.0, f64::max));
+    }
+    Ok(if least.is_finite() { least } else { 0.0 })
 }
 
 /// Share of structural error removed between two sets of residuals.

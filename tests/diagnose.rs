@@ -145,7 +145,7 @@ fn physics_outside_the_library_is_unknown_and_drawn() {
     assert_eq!((law.at.as_str(), law.variable.as_str()), ("drive", "velocity"));
     // What a damping and a constant can say of it is theirs; the rest is the law's.
     let truth: Vec<f64> = law.grid.iter().map(|v| -6.0 * (5.0 * v.max(0.0)).powi(2)).collect();
-    let bend = |f: &[f64]| residual(f, &[law.grid.clone()]);
+    let bend = |f: &[f64]| residual(f, std::slice::from_ref(&law.grid));
     let (found, truth) = (bend(&law.force), bend(&truth));
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let alike = dot(&found, &truth) / (dot(&found, &found) * dot(&truth, &truth)).sqrt();

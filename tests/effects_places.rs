@@ -26,7 +26,8 @@ fn samples(change: impl Fn(f64) -> f64, hold: Hold) -> Inputs {
 fn inputs_are_changed_as_their_samples_would_be() {
     let drive = zoo("cart_pendulum").unwrap();
     type Change = fn(f64) -> f64;
-    let cases: [(&str, &[(&str, f64)], Change); 4] = [
+    type Case<'a> = (&'a str, &'a [(&'a str, f64)], Change);
+    let cases: [Case<'_>; 4] = [
         ("input_gain", &[("gain", 1.2)], |u| 1.2 * u),
         ("input_bias", &[("bias", -0.4)], |u| u - 0.4),
         ("input_saturation", &[("limit", 2.0)], |u| u.clamp(-2.0, 2.0)),

@@ -34,9 +34,7 @@ fn rivals_are_separated_by_the_experiment_that_mechanics_asks_for() {
     let values = |m: &Model| m.compile().parameters().to_vec();
     let rival = |label: &str, model| Rival { label: label.into(), p: values(model), model, x0: &rest };
     let rivals = [rival("constant_force@pendulum", &torque), rival("output_bias@theta", &bias)];
-    let clock = std::time::Instant::now();
     let found = with_control(|control| separating(&rivals, &nominal, &experiments, &sigma, 1, control)).unwrap();
-    println!("{:?} in {:?}", found, clock.elapsed());
     assert!(found.iter().any(|s| s.kind == "amplitude" && s.sentence.contains("twice")), "{found:?}");
     assert!(found.iter().all(|s| s.gain > 10.0 && s.separates == ["output_bias@theta"]));
     assert!(found.windows(2).all(|w| w[0].gain >= w[1].gain));

@@ -83,8 +83,8 @@ class Separating:
 class EventTime:
     """Time of a transition, measured minus predicted by the refitted nominal model: negative `residual_s` is early.
 
-    `sd_s` is one standard deviation, `phase` where in the cycle it falls (None without a clock), `count` how many events
-    it was measured from.
+    `sd_s` is one standard deviation, `phase` where in the cycle it falls (None without a clock), `count` from how many
+    events it was measured.
     """
 
     record: str

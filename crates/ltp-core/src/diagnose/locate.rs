@@ -37,6 +37,9 @@ pub const CONSTANT: &str = "nothing: it is constant";
 /// Samples kept for the regression.
 const KEPT: usize = 2000;
 
+/// A port with the force that the model misses there, along each train experiment.
+pub type PortForces = (String, Vec<Force>);
+
 /// A located mismatch.
 pub struct Located {
     /// Public description.
@@ -72,7 +75,7 @@ pub fn everywhere(
     nominal: &Trial,
     seed: u64,
     warnings: &mut Vec<String>,
-) -> Result<(Vec<(String, Vec<Force>)>, Option<Located>)> {
+) -> Result<(Vec<PortForces>, Option<Located>)> {
     let (model, ground) = (bench.model, bench.train);
     let refitted = nominal.parameters();
     let ports = model.ports();

@@ -101,7 +101,9 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         None => located.as_ref().map_or(Vec::new(), |l| l.forces.clone()),
     };
     let named = if found { report::law(after, &forces)? } else { None };
-    let drawn = named.or_else(|| law.clone());
+    // A damping over position is no force over position: it is told as a table only.
+    let is_force = |l: &result::Law| forces.first().is_some_and(|f| f.unit == l.unit);
+    let drawn = named.or_else(|| law.clone().filter(is_force));
     let silent = matches!(verdict, Verdict::Consistent | Verdict::Parameter);
     let absorbed = report::absorbed(nominal, after, &parameters);
     let mut diagnosis = Diagnosis {
@@ -125,6 +127,9 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
     };
     let others: Vec<&str> = model.ports();
     for l in &mut diagnosis.location {
+        if let Some(law) = diagnosis.law.as_ref().filter(|law| law.at == l.at && !found) {
+            l.variable.clone_from(&law.variable);
+        }
         l.sentence = words::place(l, &others);
     }
     diagnosis.sentence = words::sentence(&diagnosis, &moved);

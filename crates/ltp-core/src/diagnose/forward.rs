@@ -222,23 +222,26 @@ fn without(bench: &Bench<'_>, t: &Trial, k: usize) -> Result<Option<Trial>> {
     let model = crate::model::Model::new(document, t.made.model.library().clone(), "")?;
     let gone: Vec<usize> = t.made.own(k).into_iter().map(|(i, _)| i).collect();
     let system = model.compile();
-    if system.states() != t.made.system.states() {
-        return Ok(None);
-    }
     let keep = |i: &usize| !gone.contains(i);
     let all: Vec<usize> = (0..t.made.priors.len()).filter(keep).collect();
     let mut effects = t.made.effects.clone();
     effects.remove(k);
-    let made = Made {
-        effects,
-        model,
-        system,
-        priors: all.iter().map(|i| t.made.priors[*i]).collect(),
-        extra: t.made.extra.clone(),
+    // States of effects stand behind the model's own, in the order of the effects.
+    let library = t.made.model.library();
+    let count = |name: &str| library.get(name).map_or(0, |e| e.states.len());
+    let before: usize = t.made.effects[..k].iter().map(|(name, _)| count(name)).sum();
+    let lost = before..before + count(&t.made.effects[k].0);
+    let first = t.made.system.states() - t.made.extra.len();
+    let kept = |x: &Vec<f64>| -> Vec<f64> {
+        x.iter().enumerate().filter(|(i, _)| *i < first || !lost.contains(&(i - first))).map(|(_, v)| *v).collect()
     };
-    let from = Point { theta: all.iter().map(|i| t.fit.point.theta[*i]).collect(), x0: t.fit.point.x0.clone() };
+    let extra = t.made.extra.iter().enumerate().filter(|(i, _)| !lost.contains(i)).map(|(_, v)| *v).collect();
+    let made = Made { effects, model, system, priors: all.iter().map(|i| t.made.priors[*i]).collect(), extra };
+    let x0 = t.fit.point.x0.iter().map(kept).collect();
+    let from = Point { theta: all.iter().map(|i| t.fit.point.theta[*i]).collect(), x0 };
+    let near: Vec<Vec<f64>> = t.test_x0.iter().map(kept).collect();
     let fit = stage(&made.subject(), bench.train, &from, bench.train_start, None, FINE);
-    fit.map(|f| finish(bench, made, f, &t.test_x0)).transpose()
+    fit.map(|f| finish(bench, made, f, &near)).transpose()
 }
 
 /// Share of the nominal structural error that each effect of the last hypothesis removes: what returns when it is set to

@@ -139,7 +139,7 @@ pub fn search(bench: &Bench<'_>, base: &Trial, jobs: &[(String, Place)], share: 
     let lowest = runners.iter().filter_map(Runner::cost).fold(f64::INFINITY, f64::min);
     let everywhere = lowest > ROUGH_LEFT * samples;
     if everywhere {
-        alive = best(&runners, zero, NEAR[0], LEADERS);
+        alive = best(&runners, zero, NEAR[0], FINALISTS);
     }
     chosen(&mut runners, &alive).into_par_iter().try_for_each(|r| {
         tell(&r.candidate.label(), 1.0);
@@ -326,7 +326,7 @@ impl Runner {
     }
 
     /// As far as the data go; and once more from the nominal parameters as stated, tied to the recording at first: what they
-    /// had absorbed may keep a fit in the wrong valley. With `everywhere`, from every start.
+    /// had absorbed may keep a fit in the wrong valley. With `everywhere`, by every observer.
     fn last(&mut self, bench: &Bench<'_>, base: &Trial, everywhere: bool) -> Result<()> {
         self.more(bench, FINE)?;
         let Some(so_far) = self.fit.clone() else { return Ok(()) };
@@ -341,13 +341,7 @@ impl Runner {
         let start = joined(&self.candidate, bench.train, &beginning, &self.own_values());
         let subject = self.candidate.made.subject();
         if everywhere {
-            let mut starts = vec![start];
-            starts.extend(
-                self.findings
-                    .iter()
-                    .map(|f| joined(&self.candidate, bench.train, &beginning, &f.start.theta[self.candidate.own[0]..])),
-            );
-            let fit = descend(bench, &subject, &starts, bench.train_ties)?;
+            let fit = descend(bench, &subject, &[start], bench.train_ties)?;
             self.keep(fit);
         } else {
             bench.train.control.check()?;

@@ -8,8 +8,9 @@ use crate::numeric::stats;
 
 /// Samples in a row at one extreme that are a plateau, not a turning point.
 const PLATEAU: usize = 4;
-/// A plateau is cut off, not reached at leisure, when the signal runs into it at this share of its usual speed.
-const ABRUPT: f64 = 0.3;
+/// A plateau is cut off, not reached at leisure, when the signal runs into it at this share of its speed while it moves. (A
+/// sine that is cut at nine tenths of its amplitude does at 0.62.)
+const ABRUPT: f64 = 0.6;
 /// Share of clipped samples worth a warning.
 const SOME: f64 = 0.005;
 /// Share of clipped samples that leaves too little to see.
@@ -29,7 +30,8 @@ fn clipped(y: &[f64]) -> Vec<usize> {
     }
     // Speeds over three samples: a single difference is mostly noise, or a step of the sensor.
     const BASE: usize = 3;
-    let speed = stats::rms(y.windows(BASE + 1).map(|w| w[BASE] - w[0]).filter(|v| v.is_finite()));
+    // What stands still for most of a record is slow on average and fast where it moves.
+    let speed = stats::rms(y.windows(BASE + 1).map(|w| w[BASE] - w[0]).filter(|v| v.is_finite() && *v != 0.0));
     let mut rows = Vec::new();
     for end in [low, high] {
         let (mut plateaus, mut arrivals) = (Vec::new(), Vec::new());

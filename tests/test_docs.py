@@ -48,7 +48,9 @@ def ids(pages: list[Path]) -> list[str]:
 
 
 WITH_PYTHON = [page for page in PAGES if blocks(page, "python")]
-WITH_COMMANDS = [page for page in PAGES if commands(page)]
+#: Pages whose commands take minutes and are the very ones of tests/test_real_recordings.py.
+ELSEWHERE = {"emps.md", "dynamixel.md", "sydney.md"}
+WITH_COMMANDS = [page for page in PAGES if commands(page) and page.name not in ELSEWHERE]
 
 
 @pytest.fixture(autouse=True)

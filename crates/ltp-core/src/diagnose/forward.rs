@@ -92,7 +92,7 @@ pub fn explain(
         let open: Vec<(String, Place)> =
             jobs.iter().filter(|(n, p)| !onto.iter().any(|(e, at)| e == n && *at == p.at)).cloned().collect();
         let share = if round == 0 { (0.2, 0.75) } else { (0.75, 0.9) };
-        let found = search(bench, out.last(), &open, share)?;
+        let found = search(bench, out.last(), &open, share, round == 0)?;
         let mut next = judged(bench, out.last(), found, onto, halves, open.len())?;
         if next.round.accepted.is_none() && round == 0 {
             let hope = left(out.last(), outputs) > EXPLAINED;
@@ -178,9 +178,9 @@ fn both(
             let [Some(first), Some(second)] = [job(&pair.effects[0]), job(&pair.effects[1])] else {
                 return Ok(Vec::new());
             };
-            let one = search(bench, base, &[first], (0.75, 0.75))?;
+            let one = search(bench, base, &[first], (0.75, 0.75), false)?;
             let Some(a) = one.trials.into_iter().next() else { return Ok(Vec::new()) };
-            Ok(search(bench, &a, &[second], (0.75, 0.75))?.trials)
+            Ok(search(bench, &a, &[second], (0.75, 0.75), false)?.trials)
         })
         .collect::<Result<_>>()?;
     let trials: Vec<Trial> = fitted.into_iter().flatten().collect();

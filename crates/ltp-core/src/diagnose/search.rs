@@ -30,6 +30,8 @@ const LEADERS: usize = 12;
 const FINALISTS: usize = 6;
 /// Distance in cost within which a candidate goes on in any case, and the share of the best one's gain.
 const NEAR: [(f64, f64); 2] = [(40.0, 0.5), (30.0, 0.1)];
+/// Samples from which records count as long: then fewer fits are begun anew.
+const LONG: f64 = 20_000.0;
 /// Share of the cost without an effect below which a candidate has come some way.
 const STIRRED: f64 = 0.97;
 /// Mean square residual in units of noise below which a candidate explains everything.
@@ -91,11 +93,18 @@ struct Runner {
     imitated: bool,
 }
 
-/// Adds every effect at every place to a fitted hypothesis.
+/// Adds every effect at every place to a fitted hypothesis. With `thorough`, the best are looked for by every observer while
+/// nobody explains the recordings; how many depends on their length, so that the work does not.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`], and what attaching an effect may say.
-pub fn search(bench: &Bench<'_>, base: &Trial, jobs: &[(String, Place)], share: (f64, f64)) -> Result<Found> {
+pub fn search(
+    bench: &Bench<'_>,
+    base: &Trial,
+    jobs: &[(String, Place)],
+    share: (f64, f64),
+    thorough: bool,
+) -> Result<Found> {
     let Some(screen) = Screen::new(bench, base) else {
         return Ok(Found { trials: Vec::new(), aside: Vec::new(), pairs: Vec::new() });
     };
@@ -128,7 +137,10 @@ pub fn search(bench: &Bench<'_>, base: &Trial, jobs: &[(String, Place)], share: 
         tell(&r.candidate.label(), 1.0);
         r.more(bench, SECOND)
     })?;
-    if runners.iter().filter_map(Runner::cost).fold(f64::INFINITY, f64::min) > ROUGH_LEFT * samples {
+    let unexplained = |runners: &[Runner]| {
+        runners.iter().filter_map(Runner::cost).fold(f64::INFINITY, f64::min) > ROUGH_LEFT * samples
+    };
+    if unexplained(&runners) && samples < LONG {
         // Nobody explains it yet: whoever has come any way at all may only be slow.
         let slow: Vec<usize> = (0..runners.len())
             .filter(|i| !alive.contains(i) && runners[*i].cost().is_some_and(|c| c < STIRRED * zero.0))
@@ -136,14 +148,19 @@ pub fn search(bench: &Bench<'_>, base: &Trial, jobs: &[(String, Place)], share: 
         chosen(&mut runners, &slow).into_par_iter().try_for_each(|r| r.more(bench, SECOND))?;
     }
     alive = best(&runners, zero, NEAR[1], FINALISTS);
-    let lowest = runners.iter().filter_map(Runner::cost).fold(f64::INFINITY, f64::min);
-    let everywhere = lowest > ROUGH_LEFT * samples;
-    if everywhere {
+    let lost = thorough && unexplained(&runners);
+    if lost {
         alive = best(&runners, zero, NEAR[0], FINALISTS);
     }
+    // The best of them, as many as the length of the recordings allows.
+    let mut order: Vec<(usize, f64)> = alive.iter().filter_map(|i| Some((*i, runners[*i].cost()?))).collect();
+    order.sort_by(|a, b| a.1.total_cmp(&b.1));
+    order.truncate(if lost { (2.0 * LONG / samples).ceil() as usize } else { 0 });
+    let everywhere: Vec<Attachment> = order.iter().map(|(i, _)| runners[*i].newest()).collect();
     chosen(&mut runners, &alive).into_par_iter().try_for_each(|r| {
         tell(&r.candidate.label(), 1.0);
-        r.last(bench, base, everywhere)
+        let own = r.newest();
+        r.last(bench, base, everywhere.contains(&own))
     })?;
     alive = best(&runners, zero, NEAR[1], FINALISTS);
 

@@ -147,7 +147,7 @@ fn added(
         return Ok(None);
     }
     let base = retold(base, model);
-    let mut found = search(bench, &base, &jobs, (0.9, 0.95))?;
+    let mut found = search(bench, &base, &jobs, (0.9, 0.95), false)?;
     let ranking = judge::rank(&base, &found.trials);
     let Some(best) = ranking.winner(&found.trials) else { return Ok(None) };
     let evidence = judge::weigh(bench, &base, &found.trials[best], halves, jobs.len())?;

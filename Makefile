@@ -45,6 +45,10 @@ test-rust: setup ## run the Rust tests
 test-python: setup ## run the Python tests
 	$(BIN)/pytest
 
+.PHONY: proofs
+proofs: setup ## run the tests on real recordings that take minutes (LTP_DATA names their folder)
+	LTP_LONG=1 $(BIN)/pytest tests/test_real_recordings.py
+
 .PHONY: check
 check: test check-rust check-python check-house ## the gate: tests, formats, lints, types, licences, architecture
 	@echo "ltp: the gate is passed"

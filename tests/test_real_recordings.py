@@ -20,6 +20,9 @@ ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("LTP_DATA") or ROOT.parent / "shared" / "data")
 MODELS = ROOT / "docs" / "recordings"
 
+#: Recordings that take minutes: `make proofs` runs them.
+long = pytest.mark.skipif(not os.environ.get("LTP_LONG"), reason="takes minutes; make proofs runs it")
+
 SYDNEY = "realVSmodel_fwAnd5vstepsx3AndChirp_innerSW.mat"
 WALK = "SysID_data_12exp_120steps.mat"
 #: One run of ten steps each, from 30 ms after the join to the one before the next.
@@ -91,6 +94,7 @@ def test_sydney_inner_leg(capsys: pytest.CaptureFixture[str]) -> None:
     assert row["rms_before"] > math.radians(3.5)
 
 
+@long
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_sydney_outer_leg(capsys: pytest.CaptureFixture[str]) -> None:
@@ -104,6 +108,7 @@ def test_sydney_outer_leg(capsys: pytest.CaptureFixture[str]) -> None:
         assert row["rms_after"] < 0.8 * row["rms_before"]
 
 
+@long
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_dynamixel(capsys: pytest.CaptureFixture[str]) -> None:
@@ -125,6 +130,7 @@ def test_dynamixel(capsys: pytest.CaptureFixture[str]) -> None:
     assert pooled(found, "test", "rms_after") <= 0.10
 
 
+@long
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_sydney_walking(capsys: pytest.CaptureFixture[str]) -> None:

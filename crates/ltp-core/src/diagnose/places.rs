@@ -49,12 +49,22 @@ impl<'a> Places<'a> {
         for name in names {
             let kind = self.model.library().get(name)?.on.clone();
             for at in self.model.places(name)? {
+                // Times of ticks are not differentiated: what sets them cannot be fitted.
+                if kind == "parameter" && self.schedules(&at) {
+                    continue;
+                }
                 if let Some(place) = self.place(&kind, &at) {
                     out.push((name.clone(), place));
                 }
             }
         }
         Ok(out)
+    }
+
+    /// Whether a parameter sets the times of sampled updates.
+    fn schedules(&self, parameter: &str) -> bool {
+        let names = |text: &str| text.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == parameter);
+        self.model.document().ticks.iter().any(|t| names(&t.every) || t.offset.as_deref().is_some_and(names))
     }
 
     fn place(&self, kind: &str, at: &str) -> Option<Place> {

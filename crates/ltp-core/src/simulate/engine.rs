@@ -25,6 +25,9 @@ const WORTHWHILE: u64 = 500;
 /// only to their rounding.
 const ON_GRID: f64 = 1e-3;
 
+/// Shortest sampling period of a tick, in steps.
+const SHORTEST_TICK: f64 = 1e-3;
+
 /// What the engine needs to know before it starts.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
@@ -85,6 +88,11 @@ impl<'a> Engine<'a> {
         let mut s = vec![0.0; if settings.derivatives { nx * (nx + nf) } else { 0 }];
         for i in 0..nx.min(s.len()) {
             s[i * (nx + nf) + i] = 1.0;
+        }
+        // A sampling period of next to nothing, as a fit may try, would never end.
+        if system.ticks(p).iter().any(|c| !(c.every > SHORTEST_TICK * settings.step)) {
+            let (time, mode, limit) = (settings.t0, system.mode_name(mode), settings.max_steps);
+            return Err(Stop::StepLimit { time, mode, limit });
         }
         let due = |c: &Schedule| ((settings.t0 - c.offset - ON_GRID * settings.step) / c.every).ceil().max(0.0) as u64;
         let ticks = system.ticks(p).into_iter().map(|c| (due(&c), c)).map(|(k, c)| (c, k)).collect();

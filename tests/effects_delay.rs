@@ -1,25 +1,15 @@
 //! Owns: what needs the past. Late inputs against moved samples, late and loose sensors against what they should show, their
 //! derivatives against central differences, and who refuses them.
 
+#[path = "oracles/runs.rs"]
+mod runs;
+
 use ltp_core::cycle::{Options, cycle};
 use ltp_core::model::{Backend, Model, System, zoo};
 use ltp_core::simulate::engine::{Engine, Settings};
 use ltp_core::simulate::sensor::Sensor;
-use ltp_core::simulate::{Hold, Inputs, Plan, Trajectory, simulate};
-
-fn run(model: &Model, u: &Inputs, t_end: f64, dt: f64, step: f64) -> Trajectory {
-    let system = model.compile();
-    let plan = Plan::new(t_end, dt).unwrap().with_step(step);
-    let found = simulate(&system, system.parameters(), u, &plan).unwrap();
-    assert!(found.stop.is_finished(), "{}", found.stop.sentence());
-    found
-}
-
-fn apart(a: &[f64], b: &[f64]) -> f64 {
-    let size = b.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-    assert_eq!(a.len(), b.len());
-    a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs())) / size
-}
+use ltp_core::simulate::{Hold, Inputs, Plan, simulate};
+use runs::{apart, run};
 
 /// Samples of 2 s that do not begin at zero.
 fn column(dt: f64) -> Vec<f64> {

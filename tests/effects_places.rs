@@ -1,21 +1,11 @@
 //! Owns: effects at inputs, outputs, contacts and parameters against hand-written models, samples and formulas.
 
+#[path = "oracles/runs.rs"]
+mod runs;
+
 use ltp_core::model::{Library, Model, System, zoo};
-use ltp_core::simulate::{Hold, Inputs, Plan, Trajectory, simulate};
-
-fn run(model: &Model, u: &Inputs, t_end: f64, dt: f64, step: f64) -> Trajectory {
-    let system = model.compile();
-    let plan = Plan::new(t_end, dt).unwrap().with_step(step);
-    let found = simulate(&system, system.parameters(), u, &plan).unwrap();
-    assert!(found.stop.is_finished(), "{}", found.stop.sentence());
-    found
-}
-
-fn apart(a: &[f64], b: &[f64]) -> f64 {
-    let size = b.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-    assert_eq!(a.len(), b.len());
-    a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs())) / size
-}
+use ltp_core::simulate::{Hold, Inputs};
+use runs::{apart, run};
 
 fn samples(change: impl Fn(f64) -> f64, hold: Hold) -> Inputs {
     let column = (0..2001).map(|k| change(3.0 * (0.011 * f64::from(k)).sin())).collect();

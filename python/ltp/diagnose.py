@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from ltp import _ltp
 from ltp._ltp import InputError
+from ltp.harmonic import EventTime
 from ltp.model import Model
 from ltp.recording import Recording
 
@@ -77,24 +78,6 @@ class Separating:
     kind: str
     separates: list[str]
     gain: float
-
-
-@dataclass(frozen=True)
-class EventTime:
-    """Time of a transition, measured minus predicted by the refitted nominal model: negative `residual_s` is early.
-
-    `sd_s` is one standard deviation, `phase` where in the cycle it falls (None without a clock), `count` from how many
-    events it was measured.
-    """
-
-    record: str
-    name: str
-    mode_from: str
-    mode_to: str
-    residual_s: float
-    sd_s: float
-    phase: float | None
-    count: int
 
 
 @dataclass(frozen=True)

@@ -424,8 +424,8 @@ fn what_hops(setup: &Setup) -> bool {
     setup.model == "hopper"
 }
 
-/// The model with parameters off by about half their stated uncertainty.
-fn off(nominal: &Model, random: &mut SplitMix64) -> Result<Model> {
+/// The model as an engineer would state it: parameters off by about half their stated uncertainty.
+pub(super) fn off(nominal: &Model, random: &mut SplitMix64) -> Result<Model> {
     let values: Vec<(String, f64)> = nominal
         .parameters()
         .iter()

@@ -1,5 +1,6 @@
 //! What the demonstration conceals: one effect at a port of a smooth model, sized by the forces there.
 
+use super::draw::off;
 use super::strang::{Walker, motion};
 use super::{Case, Label};
 use crate::error::{Error, Result};
@@ -121,17 +122,7 @@ pub fn conceal(recipe: &Recipe) -> Result<Case> {
     };
     let train = vec![record(0, "train A", &mut random)?, record(1, "train B", &mut random)?];
     let test = vec![record(2, "held out", &mut random)?];
-    // As an engineer would state them: off by half a sigma or so.
-    let off: Vec<(String, f64)> = nominal
-        .parameters()
-        .iter()
-        .filter_map(|p| {
-            let v = p.value + 0.5 * p.sd? * random.normal().clamp(-2.0, 2.0);
-            Some((p.name.clone(), v.clamp(p.bounds.0, p.bounds.1)))
-        })
-        .collect();
-    let off: Vec<(&str, f64, Option<f64>)> = off.iter().map(|(n, v)| (n.as_str(), *v, None)).collect();
-    Ok(Case { label, model: nominal.with_parameters(&off)?, train, test })
+    Ok(Case { label, model: off(&nominal, &mut random)?, train, test })
 }
 
 /// A random-phase multisine on a first-order hold: 12 lines up to 2 Hz, rms amplitude as asked.

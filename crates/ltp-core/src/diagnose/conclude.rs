@@ -110,7 +110,7 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         model_name: model.name().to_string(),
         verdict,
         sentence: String::new(),
-        location: if silent { Vec::new() } else { places(shown, located) },
+        location: if silent { Vec::new() } else { places(after, located) },
         effects: if found { report::effects(after, &explained.shares) } else { Vec::new() },
         ambiguous_with: near,
         candidates: report::candidates(&explained),
@@ -126,6 +126,9 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         traces: result::Traces { records, force: forces, law: drawn },
     };
     let others: Vec<&str> = model.ports();
+    if let Some(law) = diagnosis.law.as_ref().filter(|l| !diagnosis.location.iter().any(|place| place.at == l.at)) {
+        diagnosis.location.push(unmeasured("port".into(), law.at.clone()));
+    }
     for l in &mut diagnosis.location {
         if let Some(law) = diagnosis.law.as_ref().filter(|law| law.at == l.at && !found) {
             l.variable.clone_from(&law.variable);
@@ -158,19 +161,16 @@ fn places(after: &Trial, located: Option<Located>) -> Vec<Location> {
             let kind = library.get(name).map_or_else(|_| "port".into(), |e| e.on.clone());
             match &found {
                 Some(l) if l.kind == kind && l.at == *at => l.clone(),
-                _ => Location {
-                    kind,
-                    at: at.clone(),
-                    mode: None,
-                    variable: String::new(),
-                    phases: Vec::new(),
-                    p_value: 1.0,
-                    margin: 0.0,
-                    sentence: String::new(),
-                },
+                _ => unmeasured(kind, at.clone()),
             }
         })
         .collect()
+}
+
+/// A place at which something was named, without a measurement of what depends on what there.
+fn unmeasured(kind: String, at: String) -> Location {
+    let (mode, variable, phases, sentence) = (None, String::new(), Vec::new(), String::new());
+    Location { kind, at, mode, variable, phases, p_value: 1.0, margin: 0.0, sentence }
 }
 
 /// Which experiment would tell the accepted effect from its rivals.

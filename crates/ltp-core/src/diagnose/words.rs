@@ -117,6 +117,12 @@ pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
             format!("; {which} error of {} falls from {b} to {a} (noise {f})", r.output)
         }
     });
+    let beside = d.law.as_ref().filter(|_| !d.effects.is_empty()).map_or(String::new(), |l| {
+        format!(
+            "; what it leaves is unknown to the library and follows {} at `{}`, by the law in `law`",
+            l.variable, l.at
+        )
+    });
     match d.verdict {
         Verdict::Consistent if remaining(&d.fit) > DOUBTFUL => {
             format!(
@@ -141,13 +147,13 @@ pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
             format!("The structure is right, but {}{errors}.", list.join(" and "))
         }
         Verdict::Effect => match d.effects.as_slice() {
-            [e] => format!("`{}` at `{}` was left out: {}{place}{errors}.", e.name, e.at, parameters(e)),
-            _ => format!("{named} were left out{place}{errors}."),
+            [e] => format!("`{}` at `{}` was left out: {}{place}{beside}{errors}.", e.name, e.at, parameters(e)),
+            _ => format!("{named} were left out{place}{beside}{errors}."),
         },
         Verdict::Ambiguous => {
             let others = d.ambiguous_with.iter().map(|o| format!("`{o}`")).collect::<Vec<_>>().join(", ");
             format!(
-                "Something was left out; {named} fits best, but these recordings cannot tell it from {others}{errors}."
+                "Something was left out; {named} fits best, but these recordings cannot tell it from {others}{beside}{errors}."
             )
         }
         Verdict::Unknown => {

@@ -90,7 +90,7 @@ impl<'a> Engine<'a> {
             s[i * (nx + nf) + i] = 1.0;
         }
         // A sampling period of next to nothing, as a fit may try, would never end.
-        if system.ticks(p).iter().any(|c| !(c.every > SHORTEST_TICK * settings.step)) {
+        if system.ticks(p).iter().any(|c| c.every.is_nan() || c.every <= SHORTEST_TICK * settings.step) {
             let (time, mode, limit) = (settings.t0, system.mode_name(mode), settings.max_steps);
             return Err(Stop::StepLimit { time, mode, limit });
         }

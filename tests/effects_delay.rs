@@ -235,16 +235,21 @@ fn a_late_sensor_shows_what_was_there() {
 fn a_loose_sensor_stands_still_after_reversals() {
     let pendulum = zoo("pendulum").unwrap();
     let u = Inputs::constant(&[0.0]);
-    let truth = run(&pendulum, &u, 3.0, 2e-3, 2e-3).outputs;
-    let found =
-        run(&pendulum.attach("output_backlash", "theta", &[("gap", 0.3)]).unwrap(), &u, 3.0, 0.01, 2e-3).outputs;
-    let mut play = truth[0];
-    for (k, y) in truth.iter().enumerate() {
-        play = play.clamp(y - 0.15, y + 0.15);
-        if k % 5 == 0 {
-            assert!((found[k / 5] - play).abs() < 1e-12, "{k}");
-        }
-    }
+    // Play by its definition, along outputs at every millisecond of the finest and at every grid point of the run.
+    let played = |every: f64| -> Vec<f64> {
+        let plain = run(&pendulum, &u, 3.0, every, 2e-3).outputs;
+        let mut play = plain[0];
+        let shown = plain.iter().map(|y| {
+            play = play.clamp(y - 0.15, y + 0.15);
+            play
+        });
+        shown.collect::<Vec<_>>().into_iter().step_by((0.01 / every).round() as usize).collect()
+    };
+    let loose = pendulum.attach("output_backlash", "theta", &[("gap", 0.3)]).unwrap();
+    let found = run(&loose, &u, 3.0, 0.01, 2e-3).outputs;
+    let truth = played(2e-5);
+    assert!(apart(&found, &truth) < 1e-8, "{}", apart(&found, &truth));
+    assert!(apart(&played(2e-3), &truth) > 30.0 * apart(&found, &truth), "extremes lie between grid points");
     // In the order of attachment: a late sensor with play behind it.
     let both = pendulum.attach("output_delay", "theta", &[("delay", 0.05)]).unwrap();
     let both = run(&both.attach("output_backlash", "theta", &[("gap", 0.3)]).unwrap(), &u, 3.0, 0.01, 2e-3).outputs;

@@ -66,7 +66,8 @@ fn the_hoppers_whole_actuator_is_a_place() {
     let truth = Model::new(document, Library::shipped().unwrap(), "clipped").unwrap();
     let u = Inputs::constant(&[2.0]);
     let (found, truth) = (run(&model, &u, 0.6, 0.01, 1e-4), run(&truth, &u, 0.6, 0.01, 1e-4));
-    assert_eq!(found.outputs, truth.outputs);
+    // The one ends its steps at the corners, the other passes over them.
+    assert!(apart(&found.outputs, &truth.outputs) < 1e-8);
     assert_ne!(found.outputs, run(&hopper, &u, 0.6, 0.01, 1e-4).outputs);
 }
 

@@ -140,8 +140,18 @@ fn backlash_in_the_shaft_is_a_dead_zone_in_its_spring() {
     let truth = Model::new(document, shaft.library().clone(), "dead zone").unwrap();
     let model = shaft.attach("backlash", "shaft", &[("gap", 0.02)]).unwrap();
     let u = wave(1, 0.8);
-    let (found, truth) = (run(&model, &[0.0; 4], &u, 1.5, 0.01, 1e-4), run(&truth, &[0.0; 4], &u, 1.5, 0.01, 1e-4));
-    assert!(apart(&found, &truth) < 1e-11);
+    let blunt = run(&truth, &[0.0; 4], &u, 1.5, 0.01, 2e-3);
+    // Where steps pass over the corners, only very short ones are exact.
+    let (found, truth) = (run(&model, &[0.0; 4], &u, 1.5, 0.01, 1e-4), run(&truth, &[0.0; 4], &u, 1.5, 0.01, 4e-6));
+    assert!(apart(&found, &truth) < 1e-8, "{}", apart(&found, &truth));
+    // Steps end at the corners of the law: long ones lose nothing there.
+    let coarse = run(&model, &[0.0; 4], &u, 1.5, 0.01, 2e-3);
+    assert!(
+        20.0 * apart(&coarse, &truth) < apart(&blunt, &truth),
+        "{} {}",
+        apart(&coarse, &truth),
+        apart(&blunt, &truth)
+    );
     let tight = run(&shaft, &[0.0; 4], &u, 1.5, 0.01, 1e-4);
     assert!(apart(&found, &tight) > 1e-3, "it should matter");
 }

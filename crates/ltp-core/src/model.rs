@@ -169,6 +169,20 @@ impl Model {
         self.compile_for(self.uncertain(), Backend::Native)
     }
 
+    /// Which states rest in the starting mode and move in another, as the foot of a hopper that stands at first: a run that
+    /// starts there has them where the document says.
+    pub fn held_at_start(&self) -> Vec<bool> {
+        let doc = &self.document;
+        let first = doc.initial_mode.as_ref().or_else(|| doc.modes.keys().next());
+        let rests = |mode: &document::Mode, state: &String| {
+            let flow = mode.flow.get(state).or_else(|| doc.flow.get(state));
+            flow.is_some_and(|text| text.trim().parse::<f64>().is_ok_and(|v| v == 0.0))
+        };
+        let start = first.and_then(|name| doc.modes.get(name));
+        let held = |state| start.is_some_and(|m| rests(m, state) && !doc.modes.values().all(|m| rests(m, state)));
+        doc.states.keys().map(held).collect()
+    }
+
     /// Compiles the model for chosen derivatives and evaluator.
     pub fn compile_for(&self, free: Vec<usize>, backend: Backend) -> Compiled {
         Compiled::new(self.assembly.clone(), self.product.clone(), self.document.inputs.len(), free, backend)

@@ -110,6 +110,8 @@ pub struct Assembly {
     pub delays: Vec<DelayEquation>,
     /// What is done to outputs after they were computed.
     pub operators: Vec<OperatorEquation>,
+    /// Parameters that are time constants of states which effects bring along.
+    pub relaxations: Vec<usize>,
 }
 
 /// Name of the mode of a model that has only one.
@@ -207,6 +209,9 @@ pub fn assemble(doc: &Document, library: &Library, source: &str) -> Result<Assem
         }
     }
     contact::change_events(&mut graph, &mut scopes, doc, &mut events)?;
+    for mode in 0..modes.len() {
+        corners(&mut graph, &mut scopes[mode], mode, &modes[mode].ports, &mut events)?;
+    }
     let mut assembly = Assembly {
         graph,
         initial: names.initial.clone(),
@@ -222,6 +227,7 @@ pub fn assemble(doc: &Document, library: &Library, source: &str) -> Result<Assem
         period,
         delays: Vec::new(),
         operators: Vec::new(),
+        relaxations: names.effects.iter().flat_map(super::attach::AttachedEffect::relaxations).collect(),
     };
     initial_effect_states(&mut assembly, &mut scopes[initial_mode], doc)?;
     port_laws::attach_laws(&mut assembly, &mut scopes, doc)?;
@@ -243,6 +249,32 @@ pub fn assemble(doc: &Document, library: &Library, source: &str) -> Result<Assem
         assembly.delays.push(DelayEquation { input, delay, past });
     }
     Ok(assembly)
+}
+
+/// Events at the corners of the laws of effects on inputs and ports: nothing changes there but the slope of a law, and a step
+/// that ended there keeps its order.
+fn corners(
+    g: &mut Graph,
+    scope: &mut Scope<'_>,
+    mode: usize,
+    ports: &[(Id, Id)],
+    events: &mut Vec<EventEquations>,
+) -> Result<()> {
+    let names = scope.names;
+    for (k, e) in names.effects.iter().enumerate().filter(|(_, e)| !e.effect.corners.is_empty()) {
+        let words = match e.place {
+            Place::Port(j) => vec![("position", ports[j].0), ("velocity", ports[j].1)],
+            _ => vec![("value", scope.before(g, k)?)],
+        };
+        for (n, text) in e.effect.corners.iter().enumerate() {
+            let guard = scope.law(g, text, e, &words, "corners")?;
+            let reset = (0..names.states.len()).map(|i| g.leaf(Symbol::State(i))).collect();
+            let name = format!("{}, corner {}", e.name, n + 1);
+            let (from, to, direction) = (mode, mode, Direction::Either);
+            events.push(EventEquations { name, from, to, guard, direction, when: None, reset });
+        }
+    }
+    Ok(())
 }
 
 /// `file: place in the document`.

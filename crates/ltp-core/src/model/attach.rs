@@ -96,6 +96,15 @@ fn find(doc: &Document, on: &str, at: &str, path: &str) -> Result<Place> {
     })
 }
 
+impl AttachedEffect {
+    /// Its parameters that are time constants of its states.
+    pub(super) fn relaxations(&self) -> Vec<usize> {
+        let parameters = if self.effect.states.is_empty() { None } else { Some(&self.parameters) };
+        let is_time = |name: &String| self.effect.parameters.get(name).is_some_and(|p| p.unit == "time");
+        parameters.into_iter().flatten().filter(|(name, _)| is_time(name)).map(|(_, i)| *i).collect()
+    }
+}
+
 impl Names {
     /// Numbers the parameters and states of the attached effects.
     pub(super) fn attach(&mut self, doc: &Document, library: &Library, source: &str) -> Result<()> {

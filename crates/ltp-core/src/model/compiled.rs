@@ -350,6 +350,9 @@ impl System for Compiled {
         }
         name
     }
+    fn shortest_time(&self, p: &[f64]) -> f64 {
+        self.assembly.relaxations.iter().map(|&i| p[i]).filter(|t| *t > 0.0).fold(f64::INFINITY, f64::min)
+    }
     fn delays(&self, p: &[f64]) -> Vec<Delay> {
         let (n, width) = (self.assembly.delays.len(), 1 + self.free.len());
         let mut v = vec![0.0; self.late.len()];

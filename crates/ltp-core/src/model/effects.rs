@@ -17,6 +17,8 @@
 //! | `contact` | `rebound` | rate just after touchdown, from the one before | `gap`, `rate` |
 //! | `parameter` | `law` | what the model sees instead of the parameter | `value` |
 //!
+//! Laws on inputs and ports that have corners may name what passes through zero there (`corners`, in the same words).
+//!
 //! `port_stiffness` is the stiffness that the model has along the port, `free_acceleration` the acceleration of the port
 //! without this force, `mobility` what a unit of this force adds to it (`port_laws`).
 
@@ -55,6 +57,9 @@ pub struct Effect {
     /// Gap of a play at an output: what is shown follows only where it would leave half the gap on either side.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub play: Option<String>,
+    /// What passes through zero where the law has a corner, in its words: steps end there, so that none straddles it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub corners: Vec<String>,
     /// Additional states with their rates.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub states: Named<EffectState>,
@@ -186,8 +191,12 @@ impl Effect {
             }
         }
         let texts = found.into_iter().chain(self.states.values().map(|s| ("flow", s.flow.as_str())));
-        for (key, text) in texts {
+        let corners = self.corners.iter().map(|text| ("corners", text.as_str()));
+        for (key, text) in texts.chain(corners) {
             parse(text, &format!("{path}, {key}"))?;
+        }
+        if !self.corners.is_empty() && !["input", "port"].contains(&self.on.as_str()) {
+            return fault(format!("`corners` are of laws on inputs and ports, not on a {}", self.on));
         }
         let taken = |name: &str| !is_name(name) || is_reserved(name) || WORDS.contains(&name);
         if let Some(name) = self.parameters.keys().chain(self.states.keys()).find(|name| taken(name)) {

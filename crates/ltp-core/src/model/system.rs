@@ -92,6 +92,10 @@ pub trait System: Send + Sync {
     fn delays(&self, _p: &[f64]) -> Vec<Delay> {
         Vec::new()
     }
+    /// Shortest time constant of the states that effects brought along, such as a lag: a step much longer than it is not stable.
+    fn shortest_time(&self, _p: &[f64]) -> f64 {
+        f64::INFINITY
+    }
     /// What is done to the outputs after they were computed, in this order, under given parameters.
     fn operators(&self, _p: &[f64]) -> Vec<Operator> {
         Vec::new()

@@ -3,7 +3,7 @@
 //! Delay and play need what was shown before. They work on the grid of the engine's steps. A delayed output is the polynomial
 //! through the [`NODES`] grid points around the instant looked at, with the exact derivative of that interpolation; where
 //! it looks to before the run, the output goes on along the straight line of its first step. Play
-//! `w = clamp(w, y - gap/2, y + gap/2)` begins at the first output.
+//! `w = clamp(w, y - gap/2, y + gap/2)` begins at the first output and sees the extremes between grid points, on parabolas.
 
 use super::engine::{Engine, Settings};
 use super::inputs::Inputs;
@@ -38,7 +38,7 @@ struct Row {
 /// An operator with its memory.
 struct Element {
     operator: Operator,
-    /// Delay: the newest values it was given and their derivatives, the oldest first.
+    /// The newest values it was given and their derivatives, the oldest first.
     past: Vec<(f64, Vec<f64>)>,
     /// Grid point of the oldest.
     oldest: u64,
@@ -155,24 +155,40 @@ impl Element {
     }
 
     fn loose(&mut self, nx: usize, y: &mut f64, dy: &mut [f64]) {
-        let (shown, slopes) = self.play.get_or_insert_with(|| (*y, dy.to_vec()));
+        if self.play.is_none() {
+            self.play = Some((*y, dy.to_vec()));
+        }
+        // What turned round between grid points went further than they show.
+        self.past.push((*y, dy.to_vec()));
+        if self.past.len() > 3 {
+            self.past.remove(0);
+        }
+        if let Some((v, slopes)) = vertex(&self.past) {
+            self.pull(nx, v, &slopes);
+        }
+        self.pull(nx, *y, dy);
+        if let Some((shown, slopes)) = &self.play {
+            *y = *shown;
+            dy.copy_from_slice(slopes);
+        }
+    }
+
+    /// Takes along what is shown where a value leaves the gap on either side.
+    fn pull(&mut self, nx: usize, y: f64, dy: &[f64]) {
+        let Some((shown, slopes)) = &mut self.play else { return };
         let half = 0.5 * self.operator.value;
-        let side = if *shown < *y - half {
+        let side = if *shown < y - half {
             -1.0
-        } else if *shown > *y + half {
+        } else if *shown > y + half {
             1.0
         } else {
-            0.0
+            return;
         };
-        if side != 0.0 {
-            *shown = *y + side * half;
-            slopes.copy_from_slice(dy);
-            for (s, by) in slopes.iter_mut().skip(nx).zip(&self.operator.slope) {
-                *s += 0.5 * side * by;
-            }
+        *shown = y + side * half;
+        slopes.copy_from_slice(dy);
+        for (s, by) in slopes.iter_mut().skip(nx).zip(&self.operator.slope) {
+            *s += 0.5 * side * by;
         }
-        *y = *shown;
-        dy.copy_from_slice(slopes);
     }
 
     fn delay(&mut self, n: u64, nx: usize, y: &mut f64, dy: &mut [f64]) {
@@ -212,6 +228,19 @@ impl Element {
             *d -= rate * by;
         }
     }
+}
+
+/// The extreme of the parabola through the last three values, where the middle one is the highest or the lowest, with its
+/// derivatives: where it lies moves too, but there the parabola is level.
+fn vertex(past: &[(f64, Vec<f64>)]) -> Option<(f64, Vec<f64>)> {
+    let [(a, da), (b, db), (c, dc)] = past else { return None };
+    let curve = a - 2.0 * b + c;
+    if (b - a) * (c - b) >= 0.0 || curve == 0.0 {
+        return None;
+    }
+    let (w, _) = lagrange(3, 1.0 + 0.5 * (a - c) / curve);
+    let mixed = |x: f64, y: f64, z: f64| w[0] * x + w[1] * y + w[2] * z;
+    Some((mixed(*a, *b, *c), da.iter().zip(db).zip(dc).map(|((x, y), z)| mixed(*x, *y, *z)).collect()))
 }
 
 /// Weights of the values at `0, 1, .., nodes - 1` in the polynomial through them at `x`, and in its derivative.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,10 @@ from ltp.prove.plan import FULL, QUICK, RANGES
 from ltp.prove.score import confusion
 
 
-def label(*effects: Planted, system: str = "cart_pendulum", difficulty: str = "open") -> Concealed:
-    return Concealed(system, difficulty, 1, list(effects), 0.1, 40.0, 1e4, "white", [1e-4, 1e-4], "{}")
+def label(
+    *effects: Planted, system: str = "cart_pendulum", difficulty: str = "open", alike: Sequence[str] = ()
+) -> Concealed:
+    return Concealed(system, difficulty, 1, list(effects), 0.1, 40.0, 1e4, list(alike), "white", [1e-4, 1e-4], "{}")
 
 
 def said(verdict: str, *named: tuple[str, str], **more: Any) -> dict[str, Any]:

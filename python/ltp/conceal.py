@@ -60,7 +60,8 @@ class Concealed:
 
     effects: none in a clean case, two in a pair. change: rms change of the most moved output over the spread of its
     motion; decibels: that change over the noise, None in a clean case. visible: energy over noise variance of what the
-    nominal parameters cannot imitate in the train records. noise: "white" or "ar1"; sigma: its rms, by output.
+    nominal parameters cannot imitate in the train records; alike: the same effect at other places, as `effect@place`,
+    where these records cannot tell it from the truth. noise: "white" or "ar1"; sigma: its rms, by output.
     `text` is the label as JSON.
     """
 
@@ -71,6 +72,7 @@ class Concealed:
     change: float
     decibels: float | None
     visible: float
+    alike: list[str]
     noise: str
     sigma: list[float]
     text: str
@@ -87,6 +89,7 @@ class Concealed:
             change=tree["change"],
             decibels=tree["decibels"],
             visible=tree["visible"],
+            alike=list(tree["alike"]),
             noise=tree["noise"],
             sigma=list(tree["sigma"]),
             text=text,

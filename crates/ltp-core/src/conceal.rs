@@ -16,6 +16,7 @@ mod palette;
 mod recipe;
 mod sensing;
 mod setups;
+mod shown;
 mod slip;
 pub mod strang;
 mod trace;

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ltp._ltp import InputError
 from ltp.cli import common, text
 from ltp.progress import Progress
 
@@ -37,6 +38,13 @@ def add(commands: common.Commands) -> None:
         "--seeds", default="score", metavar="RANGE", help="score (default) or tuning: two ranges that share no seed"
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="which part of the range (default 0)")
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=1,
+        metavar="N",
+        help="diagnose N cases at once, each on one core (default 1: all cores)",
+    )
     parser.add_argument("--out", default=OUT, metavar="DIR", help=f"folder of cases and results (default {OUT})")
     common.add_json(parser)
     parser.set_defaults(run=run)
@@ -47,6 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
     from ltp import prove  # only loaded when it is asked for
     from ltp.prove.run import stream
 
+    if arguments.jobs < 1:
+        raise InputError(f"--jobs {arguments.jobs}: expected at least one")
     tasks = prove.plan(
         arguments.seeds,
         arguments.seed,
@@ -63,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
             progress.clear()
             print(message, file=say, flush=True)
 
-        opened = prove.prove(tasks, Path(arguments.out), tell, progress)
+        opened = prove.prove(tasks, Path(arguments.out), tell, progress, jobs=arguments.jobs)
     if arguments.json:
         print(common.as_json(opened.tree()))
     else:

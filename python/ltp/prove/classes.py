@@ -55,12 +55,29 @@ CLASSES: tuple[Class, ...] = (
         "a constant torque turns both masses alike; the twist that tells where it acts is a ten-thousandth of that",
     ),
     _class(
+        "hopper",
+        "added_mass@body added_mass@toe constant_force@body constant_force@toe parameter_error@g output_gain@h",
+        "with the height alone, and masses, stiffness, drive and rest length free, only g ties lengths and forces to a "
+        "scale: a wrong scale of h, a wrong g, mass without weight and weight without mass are one; at the toe a "
+        "constant force lifts the whole in flight, as less g does",
+    ),
+    _class(
         "hopper", "input_delay@u output_delay@h", "clock and probe enter by the actuator: if it is late, all is late"
     ),
     _class(
         "two_mass",
         "output_bias@theta_m output_bias@theta_l constant_force@shaft",
         "starting angles are free, so that only the twist is off: by a constant, whatever the reason",
+    ),
+    _class(
+        "two_mass",
+        "output_gain@theta_m output_gain@theta_l",
+        "a common scale of both angles is one of the inertias and dampings, which are free: only the ratio shows",
+    ),
+    _class(
+        "cart_pendulum",
+        "output_gain@x parameter_error@g",
+        "with length and masses free, a common scale of x, length and g does not show in theta",
     ),
     _class("pendulum", "input_delay@tau output_delay@theta", _LATE),
     _class("drive", "input_delay@tau output_delay@q", _LATE),

@@ -80,7 +80,7 @@ def mark(label: Concealed, result: Mapping[str, Any]) -> Mark:
     named = [f"{e['name']}@{e['at']}" for e in result["effects"]]
     ranked = _ranked(result)
     moved = _moved(result)
-    same = [alike(label.system, label.difficulty, t) for t in truths]
+    same = _same(label, truths)
     parameter = [t.partition("@")[2] for t in truths if t.startswith("parameter_error@")]
     if parameter:
         same = [s | {f"parameter {parameter[0]}"} for s in same]
@@ -110,7 +110,7 @@ def mark(label: Concealed, result: Mapping[str, Any]) -> Mark:
         ranked=ranked[:4],
         top1=None if clean or outside else right,
         top2=None if clean or outside else second,
-        port=_port(label, result),
+        port=_port(label, result, same),
         accepted=accepted,
         false_alarm=verdict in ("effect", "ambiguous", "unknown") if clean else None,
         unknown=verdict == "unknown" if outside else None,
@@ -143,17 +143,24 @@ def _moved(result: Mapping[str, Any]) -> list[str]:
     return [name for name in sorted(far, key=lambda n: -far[n]) if far[name] > _MOVED]
 
 
-def _port(label: Concealed, result: Mapping[str, Any]) -> bool | None:
+def _same(label: Concealed, truths: list[str]) -> list[frozenset[str]]:
+    """For each concealed effect, all answers that count as it: its class, and what the label says is alike."""
+    own = frozenset(label.alike)
+    each = (frozenset({t, *own}) for t in truths)
+    return [frozenset().union(*(alike(label.system, label.difficulty, a) for a in answers)) for answers in each]
+
+
+def _port(label: Concealed, result: Mapping[str, Any], same: list[frozenset[str]]) -> bool | None:
     location = result.get("location")
     if not label.effects or not location:
         return None
     found = [place["at"] for place in (location if isinstance(location, list) else [location])]
     ports = []
-    for e in label.effects:
-        kind = e.name.partition("_")[0]
-        if kind in ("output", "parameter"):
+    for e, answers in zip(label.effects, same, strict=True):
+        if e.name.partition("_")[0] in ("output", "parameter"):
             return None
-        ports.append(any(same_port(label.system, kind, e.at, f) for f in found))
+        places = [(name.partition("_")[0], at) for name, _, at in (a.partition("@") for a in answers)]
+        ports.append(any(same_port(label.system, kind, at, f) for kind, at in places for f in found))
     return all(ports) if len(found) == len(ports) else any(ports)
 
 

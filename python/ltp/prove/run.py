@@ -28,12 +28,18 @@ _DRAWERS = 2  # cases drawn at once
 
 
 def prove(
-    tasks: list[Task], out: Path, say: Callable[[str], None] | None = None, progress: Progress | None = None
+    tasks: list[Task],
+    out: Path,
+    say: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
+    *,
+    jobs: int = 1,
 ) -> Score:
     """Draw the cases of a plan into a folder, seal their labels, diagnose each from its files, open the labels, score.
 
     A folder that holds a part of this plan is continued: cases that are drawn stay, diagnoses that are made stay. `say`
-    is told what a reader must see when it happens; the seal is told before the first diagnosis.
+    is told what a reader must see when it happens; the seal is told before the first diagnosis. `jobs` cases are
+    diagnosed at once: one by one each has all cores, several share them and the whole is done sooner.
     """
     say = say or (lambda _: None)
     tell = progress or (lambda _m, _f: None)
@@ -42,10 +48,16 @@ def prove(
     _draw_all(folder, tell)
     seal = folder.seal()
     say(f"{len(tasks)} cases drawn in {time.perf_counter() - begun:.0f} s; SHA-256 of labels and salt:\n  {seal}")
-    for k in range(len(tasks)):
-        if folder.result(k) is None:
-            tell(f"case {k + 1} of {len(tasks)}", 0.2 + 0.8 * k / len(tasks))
-            folder.write_result(k, diagnosed(folder.case(k)))
+    open_cases = [k for k in range(len(tasks)) if folder.result(k) is None]
+
+    def one(k: int) -> None:
+        folder.write_result(k, diagnosed(folder.case(k), threads=0 if jobs == 1 else 1))
+
+    with ThreadPoolExecutor(jobs) as pool:
+        # Alone, a diagnosis runs in the main thread, where Ctrl-C reaches it.
+        each = map(one, open_cases) if jobs == 1 else pool.map(one, open_cases)
+        for done, _ in enumerate(each, len(tasks) - len(open_cases) + 1):
+            tell(f"diagnosing, {done} of {len(tasks)}", 0.2 + 0.8 * done / len(tasks))
     # Only now are the labels read again.
     opened = score(marks(folder))
     write_text(out / "score.json", json.dumps(opened.tree(), indent=1))
@@ -53,14 +65,14 @@ def prove(
     return opened
 
 
-def diagnosed(case: Path) -> str:
+def diagnosed(case: Path, *, threads: int = 0) -> str:
     """The JSON of the diagnosis of the files in a folder; an error, with what it says, is a result too."""
     begun = time.perf_counter()
     try:
         model, train, test = read_case(case)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # they stand in the result
-            return diagnose(model, train, test).to_json()
+            return diagnose(model, train, test, threads=threads).to_json()
     except (InputError, ConvergenceError) as error:
         return json.dumps({"error": str(error), "seconds": time.perf_counter() - begun})
 

@@ -7,7 +7,8 @@ use serde::Serialize;
 use super::machine::Machine;
 use super::palette::{OUTSIDE, Sketch, places};
 use super::setups::{Setup, Take};
-use super::trace::{Bench, Meeting};
+use super::shown::{Shown, TRAIN, simpler};
+use super::trace::Bench;
 use super::{Case, Label, Planted};
 use crate::error::{Error, Result, nearest};
 use crate::model::document::Before;
@@ -29,12 +30,14 @@ const VISIBLE: f64 = 60.0;
 const LEAST: f64 = 0.1;
 /// Strength beyond which an effect is no addition to the machine any more, but another machine.
 const STRONGEST: f64 = 2.0;
-/// Weight of a change in a trace: so fine that what parameters and starts can take up, they do.
-const FINE: f64 = 1e-4;
+/// The same along records that repeat their input many times.
+const REFITS_LONG: usize = 2;
+/// Multiple of that energy which one step must leave for a further look at a rival to be idle.
+const NEAR: f64 = 1e3;
+/// Steps of the refit that tells imitation.
+const REFITS: usize = 6;
 /// Draws before a combination is given up.
 const TRIES: usize = 40;
-/// Records: how many of the takes are for training.
-const TRAIN: usize = 2;
 
 /// How well the physics is concealed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -122,6 +125,8 @@ pub struct Concealed {
     pub decibels: Option<f64>,
     /// Energy over noise variance of what the nominal parameters cannot imitate, train records.
     pub visible: f64,
+    /// The same effect at other places, as `effect@place`, where it does the same as far as these records can tell.
+    pub alike: Vec<String>,
     /// `white` or `ar1`.
     pub noise: String,
     /// Noise of each output, rms.
@@ -174,63 +179,6 @@ fn rejected(advice: &str) -> Error {
     Error::NoConvergence { method: "draw".into(), iterations: 1, residual: f64::NAN, advice: advice.into() }
 }
 
-/// What the records of a machine show, and how they differ from the nominal machine along the same inputs.
-struct Shown {
-    takes: Vec<Take>,
-    nominal: Vec<Vec<f64>>,
-    starts: Vec<Vec<f64>>,
-}
-
-impl Shown {
-    fn new(setup: &Setup, model: &Model, planted: &[Planted], plain: &[Take], records: usize) -> Result<Self> {
-        let machine = Machine::new(model, planted)?;
-        let bare = Machine::new(model, &[])?;
-        let mut out = Self { takes: Vec::new(), nominal: Vec::new(), starts: Vec::new() };
-        for r in 0..records {
-            let take = setup.take(model, &machine, r)?;
-            out.starts.push(plain[r].motion.start.clone());
-            out.nominal.push(if setup.looped {
-                setup.replay(&bare, &take.wave, &plain[r].motion.start)?.outputs
-            } else {
-                plain[r].motion.outputs.clone()
-            });
-            out.takes.push(take);
-        }
-        Ok(out)
-    }
-
-    /// rms change of an output over the records for training, and the spread of its motion.
-    fn change(&self, j: usize, ny: usize, plain: &[Take]) -> (f64, f64) {
-        let k = TRAIN.min(self.takes.len());
-        let differences = (0..k).flat_map(|r| {
-            let (a, b) = (&self.takes[r].motion.outputs, &self.nominal[r]);
-            a.iter().zip(b).skip(j).step_by(ny).map(|(a, b)| a - b).collect::<Vec<_>>()
-        });
-        (stats::rms(differences), stats::std(plain[0].motion.outputs.iter().skip(j).step_by(ny).copied()))
-    }
-
-    fn meetings(&self) -> Vec<Meeting<'_>> {
-        let k = TRAIN.min(self.takes.len());
-        (0..k)
-            .map(|r| Meeting {
-                wave: &self.takes[r].wave,
-                outputs: &self.takes[r].motion.outputs,
-                start: self.starts[r].clone(),
-            })
-            .collect()
-    }
-
-    /// What the nominal parameters cannot imitate, in units of `size` by output: its rms over that of the change, its
-    /// rms, its sum of squares.
-    fn unlike(&self, setup: &Setup, model: &Model, size: &[f64], steps: usize) -> Result<(f64, f64, f64)> {
-        let meetings = self.meetings();
-        let fine: Vec<f64> = size.iter().map(|s| FINE * s).collect();
-        let (left, whole) = Bench { setup, records: &meetings, sigma: &fine }.left(model, steps)?;
-        let count = meetings.iter().map(|m| m.outputs.len()).sum::<usize>() as f64;
-        Ok(((left / whole.max(f64::MIN_POSITIVE)).sqrt(), FINE * (left / count).sqrt(), FINE * FINE * left))
-    }
-}
-
 fn attempt(nominal: &Model, what: &Draw, random: &mut SplitMix64) -> Result<(Case, Concealed)> {
     let difficulty = what.difficulty;
     let setup = Setup::new(&what.system, difficulty == Difficulty::Buried, random)?;
@@ -259,7 +207,7 @@ fn attempt(nominal: &Model, what: &Draw, random: &mut SplitMix64) -> Result<(Cas
         for one in &planted {
             let shown = Shown::new(&setup, nominal, std::slice::from_ref(one), &plain, TRAIN)?;
             let spread: Vec<f64> = (0..ny).map(|j| shown.change(j, ny, &plain).1).collect();
-            if shown.unlike(&setup, nominal, &spread, 2)?.0 < 10.0 * IMITATED {
+            if shown.unlike(&setup, nominal, None, &spread, REFITS)?.0 < 10.0 * IMITATED {
                 return Err(rejected("the nominal parameters imitate one of the two effects"));
             }
         }
@@ -267,15 +215,21 @@ fn attempt(nominal: &Model, what: &Draw, random: &mut SplitMix64) -> Result<(Cas
     // Off by many of its own uncertainties: that is what a refit is for, and it is to be said.
     let uncertain = |name: &str| nominal.parameters().iter().any(|p| p.name == name && p.sd.is_some());
     let stated_error = planted.iter().any(|p| p.name == "parameter_error" && uncertain(&p.at));
+    if stated_error && difficulty == Difficulty::Masked {
+        return Err(rejected("a refit of what is stated takes a wrong parameter away: nothing would be masked"));
+    }
     let shown = Shown::new(&setup, nominal, &planted, &plain, setup.records())?;
     let sizes: Vec<(f64, f64)> = (0..ny).map(|j| shown.change(j, ny, &plain)).collect();
     let spread: Vec<f64> = sizes.iter().map(|s| s.1).collect();
     let mut relative: Vec<f64> = sizes.iter().map(|(c, s)| c / s).collect();
-    let (mut decibels, mut visible) = (None, 0.0);
+    let (mut decibels, mut visible, mut alike) = (None, 0.0, Vec::new());
+    let long = setup.repeats.is_some();
     if count > 0 {
         let most = relative.iter().copied().fold(0.0, f64::max);
         let size: Vec<f64> = relative.iter().zip(&spread).map(|(r, s)| r.max(LEAST * most) * s).collect();
-        let (share, left, energy) = shown.unlike(&setup, nominal, if setup.looped { &spread } else { &size }, 3)?;
+        let size = if setup.looped { &spread } else { &size };
+        let (share, left, energy) =
+            shown.unlike(&setup, nominal, None, size, if long { REFITS_LONG } else { REFITS })?;
         let db = difficulty.decibels(random);
         decibels = Some(db);
         visible = energy * 10f64.powf(db / 10.0);
@@ -284,6 +238,33 @@ fn attempt(nominal: &Model, what: &Draw, random: &mut SplitMix64) -> Result<(Cas
             // change that parameters and starts cannot take up, at most a twentieth of the motion.
             relative = vec![left.min(0.05); ny];
             visible /= relative[0] * relative[0];
+        }
+        if planted.len() > 1 {
+            // And each must be something beside the other.
+            for other in &planted {
+                let beyond = shown.unlike(&setup, nominal, Some(other.clone()), size, REFITS)?.2;
+                if visible * (beyond / energy) < VISIBLE {
+                    return Err(rejected("one of the two effects hides what the other does"));
+                }
+            }
+        }
+        // Long records are not asked again: what is the same below the noise of one sample stands in a table.
+        if let ([one], false) = (planted.as_slice(), long) {
+            let beyond = |rival: Planted, steps: usize| -> Result<f64> {
+                Ok(visible * (shown.unlike(&setup, nominal, Some(rival), size, steps)?.2 / energy))
+            };
+            if let Some(rival) = simpler(one, &setup, nominal)
+                && beyond(rival, REFITS)? < VISIBLE
+            {
+                return Err(rejected("a simpler law does the same as far as these records can tell"));
+            }
+            for (name, at) in pool.iter().filter(|(name, at)| *name == one.name && *at != one.at) {
+                let rival = Planted { at: at.clone(), ..one.clone() };
+                let near = beyond(rival.clone(), 1).is_ok_and(|b| b < NEAR * VISIBLE);
+                if near && beyond(rival, REFITS)? < VISIBLE {
+                    alike.push(format!("{name}@{at}"));
+                }
+            }
         }
         if !stated_error && share < IMITATED {
             return Err(rejected("the nominal parameters imitate the effect"));
@@ -331,6 +312,7 @@ fn attempt(nominal: &Model, what: &Draw, random: &mut SplitMix64) -> Result<(Cas
         change: if count > 0 { most } else { 0.0 },
         decibels,
         visible,
+        alike,
         noise: if coloured { "ar1".into() } else { "white".into() },
         sigma,
         rejected: 0,
@@ -385,7 +367,7 @@ fn sized(
         }
         let shown = Shown::new(setup, nominal, &[planted], plain, 1)?;
         if setup.looped {
-            return Ok(shown.unlike(setup, nominal, &spread, 1)?.1);
+            return Ok(shown.unlike(setup, nominal, None, &spread, 1)?.1);
         }
         let each = (0..ny).map(|j| shown.change(j, ny, plain));
         Ok(each.map(|(c, s)| c / s).fold(0.0, f64::max))

@@ -1,20 +1,23 @@
 //! What an effect leaves in the recordings once the nominal parameters have absorbed what they can, by the truth
 //! integrator's own finite differences. Nothing of it is shared with the fit of a diagnosis.
 
+use super::Planted;
 use super::machine::{Machine, Wave};
 use super::setups::Setup;
 use crate::error::Result;
 use crate::model::Model;
 use crate::numeric::stats;
 
-/// Freedom of the parameters in a trace, in their stated uncertainties: wide, so that what can be imitated is.
+/// Freedom of the parameters in a trace, in their stated uncertainties, at each step: wide, so that what can be imitated is.
 const WIDE: f64 = 20.0;
 /// Freedom in the refit that masks, in stated uncertainties.
 const MASK: f64 = 2.0;
 /// Change of the outputs, in sigmas, that a unit of a start makes: so large that starts are free.
 const LOOSE: f64 = 1e3;
-/// Share of the change (rms) which, once a first step has left it, needs no further steps to be told from imitation.
-const CLEAR: f64 = 0.3;
+/// Decrease of the energy by a step below which further ones bring nothing.
+const SETTLED: f64 = 0.1;
+/// Weights of a step's length that are tried in turn.
+const REINS: [f64; 5] = [1.0, 1e3, 1e6, 1e9, 1e12];
 /// Steps of the refit that masks.
 const STEPS: usize = 3;
 
@@ -26,6 +29,14 @@ pub struct Meeting<'a> {
     pub outputs: &'a [f64],
     /// State of the nominal machine at time zero.
     pub start: Vec<f64>,
+}
+
+/// What is believed of the machine: a model, where its records start, and perhaps an effect that is not the concealed one.
+#[derive(Clone)]
+struct Guess {
+    model: Model,
+    starts: Vec<Vec<f64>>,
+    rival: Option<Planted>,
 }
 
 /// A nominal model before records of a machine.
@@ -46,41 +57,83 @@ struct Linear {
     columns: Vec<Vec<f64>>,
     /// The uncertain parameters: the first columns.
     free: Vec<usize>,
+    /// Number of a rival's parameters: the columns after them, in units of their values.
+    rival: usize,
     /// Record, state and size of a unit of each further column.
     starts: Vec<(usize, usize, f64)>,
 }
 
+impl Linear {
+    /// A guess after a step, within the bounds of the parameters.
+    fn moved(&self, from: &Guess, step: &[f64]) -> Result<Guess> {
+        let mut to = from.clone();
+        let infos = from.model.parameters();
+        let values: Vec<(&str, f64, Option<f64>)> = self
+            .free
+            .iter()
+            .zip(step)
+            .map(|(&i, s)| {
+                let p = &infos[i];
+                let wanted = p.value + s * WIDE * p.sd.unwrap_or(0.0);
+                (p.name.as_str(), wanted.clamp(p.bounds.0, p.bounds.1), None)
+            })
+            .collect();
+        to.model = from.model.with_parameters(&values)?;
+        let step = &step[self.free.len()..];
+        // A rival keeps its sign, but for a force that may have either.
+        let either = from.rival.as_ref().is_some_and(|r| r.name == "constant_force");
+        for ((_, value), s) in to.rival.iter_mut().flat_map(|r| r.parameters.iter_mut()).zip(step) {
+            *value *= if either { 1.0 + s } else { (1.0 + s).clamp(0.1, 10.0) };
+        }
+        for ((r, state, unit), s) in self.starts.iter().zip(&step[self.rival..]) {
+            to.starts[*r][*state] += s * unit;
+        }
+        Ok(to)
+    }
+}
+
 impl Bench<'_> {
-    fn residuals(&self, model: &Model, starts: &[Vec<f64>]) -> Result<Vec<f64>> {
-        let machine = Machine::new(model, &[])?;
+    fn residuals(&self, guess: &Guess) -> Result<Vec<f64>> {
+        let machine = Machine::new(&guess.model, guess.rival.as_slice())?;
         let ny = self.sigma.len();
         let mut out = Vec::new();
-        for (record, x0) in self.records.iter().zip(starts) {
+        for (record, x0) in self.records.iter().zip(&guess.starts) {
             let y = self.setup.replay(&machine, record.wave, x0)?.outputs;
             out.extend(record.outputs.iter().zip(&y).enumerate().map(|(k, (a, b))| (a - b) / self.sigma[k % ny]));
         }
         Ok(out)
     }
 
-    /// Slopes by uncertain parameters (in units of `freedom` stated uncertainties) and by starts, which are free.
-    fn linear(&self, model: &Model, x0: &[Vec<f64>], freedom: f64) -> Result<Linear> {
-        let base = self.residuals(model, x0)?;
-        let free: Vec<usize> =
-            model.parameters().iter().enumerate().filter(|(_, p)| p.sd.is_some()).map(|(i, _)| i).collect();
+    /// Slopes by uncertain parameters (in units of `freedom` stated uncertainties), by those of a rival, and by starts, which
+    /// are free.
+    fn linear(&self, guess: &Guess, freedom: f64) -> Result<Linear> {
+        let base = self.residuals(guess)?;
+        let slope = |moved: &Guess, step: f64| -> Result<Vec<f64>> {
+            Ok(base.iter().zip(&self.residuals(moved)?).map(|(a, b)| (a - b) / step).collect())
+        };
+        let infos = guess.model.parameters();
+        let free: Vec<usize> = infos.iter().enumerate().filter(|(_, p)| p.sd.is_some()).map(|(i, _)| i).collect();
         let (mut columns, mut starts) = (Vec::new(), Vec::new());
         for &i in &free {
-            let p = &model.parameters()[i];
+            let p = &infos[i];
             let step = 1e-3 * p.sd.unwrap_or(0.0);
-            let moved = self.residuals(&model.with_parameters(&[(&p.name, p.value + step, None)])?, x0)?;
-            let unit = freedom * p.sd.unwrap_or(0.0) / step;
-            columns.push(base.iter().zip(&moved).map(|(a, b)| (a - b) * unit).collect());
+            let model = guess.model.with_parameters(&[(&p.name, p.value + step, None)])?;
+            let column = slope(&Guess { model, ..guess.clone() }, step)?;
+            columns.push(column.iter().map(|v| v * freedom * p.sd.unwrap_or(0.0)).collect());
         }
-        for (r, state) in (0..x0.len()).flat_map(|r| (0..x0[r].len()).map(move |s| (r, s))) {
+        let rival = guess.rival.as_ref().map_or(0, |r| r.parameters.len());
+        for k in 0..rival {
+            let mut moved = guess.clone();
+            let Some((_, value)) = moved.rival.as_mut().and_then(|r| r.parameters.get_mut(k)) else { continue };
+            let unit = value.abs().max(f64::MIN_POSITIVE);
+            *value += 1e-4 * unit;
+            columns.push(slope(&moved, 1e-4)?);
+        }
+        for (r, state) in (0..guess.starts.len()).flat_map(|r| (0..guess.starts[r].len()).map(move |s| (r, s))) {
             let step = 1e-6;
-            let mut shifted = x0.to_vec();
-            shifted[r][state] += step;
-            let Ok(moved) = self.residuals(model, &shifted) else { continue };
-            let column: Vec<f64> = base.iter().zip(&moved).map(|(a, b)| (a - b) / step).collect();
+            let mut shifted = guess.clone();
+            shifted.starts[r][state] += step;
+            let Ok(column) = slope(&shifted, step) else { continue };
             let size = stats::rms(column.iter().copied());
             // A state that is held at its start (a toe on the ground) has no slope.
             if size > 0.0 && size.is_finite() {
@@ -89,42 +142,43 @@ impl Bench<'_> {
                 starts.push((r, state, unit));
             }
         }
-        Ok(Linear { base, columns, free, starts })
+        Ok(Linear { base, columns, free, rival, starts })
     }
 
     /// Sum of squares of the residual, in units of sigma, that the uncertain parameters and the starts do not remove in
-    /// `steps` Gauss-Newton steps, the last one taken to first order; and the whole sum of squares.
+    /// `steps` Gauss-Newton steps, the last one taken to first order; and the whole sum of squares. With a `rival`, its
+    /// parameters are fitted too.
     ///
     /// # Errors
     /// When the nominal machine does not run along the records.
-    pub fn left(&self, model: &Model, steps: usize) -> Result<(f64, f64)> {
-        let mut x0: Vec<Vec<f64>> = self.records.iter().map(|r| r.start.clone()).collect();
-        let mut now = model.clone();
+    pub fn left(&self, model: &Model, rival: Option<Planted>, steps: usize) -> Result<(f64, f64)> {
+        let starts = self.records.iter().map(|r| r.start.clone()).collect();
+        let mut now = Guess { model: model.clone(), starts, rival };
         let (mut whole, mut least) = (0.0, f64::INFINITY);
+        let energy = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>();
         for round in 0..steps {
-            let Ok(linear) = self.linear(&now, &x0, WIDE) else { break };
-            let energy = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>();
+            let Ok(linear) = self.linear(&now, WIDE) else { break };
+            let here = energy(&linear.base);
             if round == 0 {
-                whole = energy(&linear.base);
+                whole = here;
             }
             let step = ridge_of(&linear.columns, &linear.base, 1.0);
             let taken = |k: usize| linear.columns.iter().zip(&step).map(|(c, s)| c[k] * s).sum::<f64>();
             let rest: Vec<f64> = linear.base.iter().enumerate().map(|(k, v)| v - taken(k)).collect();
             least = least.min(energy(&rest));
-            if least > CLEAR * CLEAR * whole {
+            if round + 1 == steps || energy(&rest) > (1.0 - SETTLED) * here {
                 break;
             }
-            let mut values = Vec::new();
-            for (&i, s) in linear.free.iter().zip(&step) {
-                let p = &now.parameters()[i];
-                let wanted = p.value + s * WIDE * p.sd.unwrap_or(0.0);
-                values.push((p.name.clone(), wanted.clamp(p.bounds.0, p.bounds.1)));
-            }
-            for ((r, state, unit), s) in linear.starts.iter().zip(&step[linear.free.len()..]) {
-                x0[*r][*state] += s * unit;
-            }
-            let values: Vec<(&str, f64, Option<f64>)> = values.iter().map(|(n, v)| (n.as_str(), *v, None)).collect();
-            now = now.with_parameters(&values)?;
+            // A change of a tenth of a mass is far from linear along a record, and a scale that masses and gains share is flat:
+            // a step that makes matters worse is taken again with shorter reins (Levenberg).
+            let next = REINS.iter().find_map(|&weight| {
+                let to = linear.moved(&now, &ridge_of(&linear.columns, &linear.base, weight)).ok()?;
+                let there = energy(&self.residuals(&to).ok()?);
+                (there < here).then_some((to, there))
+            });
+            let Some((to, there)) = next else { break };
+            least = least.min(there);
+            now = to;
         }
         if least.is_finite() {
             return Ok((least, whole));
@@ -143,10 +197,11 @@ impl Bench<'_> {
     /// As [`Bench::left`].
     pub fn masked(&self, model: &Model) -> Result<Model> {
         let stated: Vec<(f64, f64)> = model.parameters().iter().map(|p| (p.value, p.sd.unwrap_or(0.0))).collect();
-        let x0: Vec<Vec<f64>> = self.records.iter().map(|r| r.start.clone()).collect();
+        let starts: Vec<Vec<f64>> = self.records.iter().map(|r| r.start.clone()).collect();
         let mut now = model.clone();
         for _ in 0..STEPS {
-            let Linear { mut base, mut columns, free, .. } = self.linear(&now, &x0, MASK)?;
+            let guess = Guess { model: now.clone(), starts: starts.clone(), rival: None };
+            let Linear { mut base, mut columns, free, .. } = self.linear(&guess, MASK)?;
             // The prior is about what was stated, not about the last step.
             for (c, &i) in free.iter().enumerate() {
                 base.push((stated[i].0 - now.parameters()[i].value) / (MASK * stated[i].1));

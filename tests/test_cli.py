@@ -22,7 +22,7 @@ from conftest import HEADER, rows_of, write_rows
 from ltp.cli import main, text
 from ltp.progress import Progress
 
-COMMANDS = ("simulate", "cycle", "linearize", "identify", "diagnose", "zoo", "demo")
+COMMANDS = ("simulate", "cycle", "linearize", "identify", "harmonic-map", "diagnose", "zoo", "demo")
 
 
 @pytest.fixture(autouse=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -47,7 +47,9 @@ class HarmonicMap:
 
     `z` (ny, nu, 2K+1, n) is the magnitude of identified minus exact harmonic transfer functions in units of the
     standard deviation of the difference, at input frequencies `omega` (n,), rad/s, for `harmonics` (2K+1,). Its
-    `mean_square` is 1 where there is noise alone; `differs` says whether it stands above. `events` are event times.
+    `mean_square` is 1 where there is noise alone; `differs` says whether it stands above. `blur` is the
+    standard deviation over the size of the model's functions, both rms: smaller differences are lost in noise. `events`
+    are event times.
     """
 
     model_name: str
@@ -58,6 +60,7 @@ class HarmonicMap:
     inputs: list[str]
     z: Array
     mean_square: float
+    blur: float
     differs: bool
     events: list[EventTime]
     method: str
@@ -108,7 +111,7 @@ def harmonic_map(
         hold=hold,
         progress=progress,
     )
-    found = _parse(text)
+    found = from_tree(json.loads(text), text)
     known = {text for record in listed for text in record.warnings}
     for warning in found.warnings:
         if warning not in known:
@@ -116,8 +119,11 @@ def harmonic_map(
     return found
 
 
-def _parse(text: str) -> HarmonicMap:
-    tree: dict[str, Any] = json.loads(text)
+def from_tree(tree: Mapping[str, Any], text: str | None = None) -> HarmonicMap:
+    """A map again from its JSON, parsed; `text` is what `to_json` gives back.
+
+    Raises `KeyError`, `TypeError` or `ValueError` for what is not the JSON of a map.
+    """
     values = [
         [[[math.nan if v is None else v for v in row] for row in rows] for rows in by_input] for by_input in tree["z"]
     ]
@@ -130,10 +136,11 @@ def _parse(text: str) -> HarmonicMap:
         inputs=tree["inputs"],
         z=np.array(values, dtype=np.float64),
         mean_square=math.nan if tree["mean_square"] is None else tree["mean_square"],
+        blur=math.nan if tree["blur"] is None else tree["blur"],
         differs=tree["differs"],
         events=[EventTime(**event) for event in tree["events"]],
         method=tree["method"],
         sentence=tree["sentence"],
         warnings=tree["warnings"],
-        _json=text,
+        _json=json.dumps(tree) if text is None else text,
     )

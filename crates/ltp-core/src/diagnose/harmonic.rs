@@ -4,16 +4,18 @@
 //! The *harmonic map* is the identified harmonic transfer functions of the recording minus the exact ones of the model, in units
 //! of the standard deviation of the difference. That has two parts: noise, which `identify` takes from repeated periods where
 //! the input repeats; and what the estimator makes of the model's own run along the same inputs, where the truth is known:
-//! distortion of a finite input, and the end of the record. What remains is physics.
+//! distortion of a finite input, beyond what its start makes (that of the recording is in its noise). What remains is physics.
 //!
-//! `events` measures when transitions happened.
+//! `events` measures when transitions happened; `refit` makes the map that a diagnosis gives.
 //!
 //! Reference: Uyanik et al., *Identification of a vertical hopping robot model via harmonic transfer functions*, Trans. Inst.
 //! Meas. Control 38 (2016) 501-511; the statistics of lines as in [`crate::identify`].
 
 mod events;
+mod refit;
 
 pub use events::{EventTime, event_times};
+pub use refit::{Refit, after, of_refit};
 
 use serde::Serialize;
 
@@ -25,7 +27,7 @@ use crate::cycle::{self, LimitCycle};
 use crate::error::{Error, Result};
 use crate::identify::{self, Method, Orbit, floquet, lines};
 use crate::linearize::linearize;
-use crate::model::{Backend, Model, System};
+use crate::model::{Backend, Compiled, Model, System};
 use crate::numeric::stats;
 use crate::periodic::Htf;
 use crate::signal::Recording;
@@ -39,6 +41,10 @@ const CHANCE: f64 = 6.0;
 const ALONE: f64 = 7.0;
 /// Standard deviations by which an event must be off to be said.
 const SAID: f64 = 4.0;
+/// Standard deviations of the model's own run that are put down to its start.
+const BEGUN: f64 = 2.0;
+/// Standard deviation over transfer function from which nothing can be told.
+const LOST: f64 = 1.0;
 /// Steps in one period at least.
 const STEPS: f64 = 500.0;
 /// Enough to find an initial state.
@@ -80,6 +86,9 @@ pub struct HarmonicMap {
     pub z: Vec<Vec<Vec<Vec<f64>>>>,
     /// Mean square of the map: one where there is noise alone.
     pub mean_square: f64,
+    /// Standard deviations over the size of the model's transfer functions, both rms, where that is worst: what is smaller
+    /// than this share of them is lost in noise.
+    pub blur: f64,
     /// Whether the map stands above noise.
     pub differs: bool,
     /// Event times, measured minus predicted.
@@ -111,67 +120,153 @@ pub fn harmonic_map(
             message: "it has no [clock]: harmonics of what is not periodic do not exist; use diagnose".into(),
         });
     };
-    (control.progress)("finding the orbit", 0.0);
-    let orbit = cycle::cycle(&system, &p, &cycle::Options::default())?;
-    let exact_system = linearize(&system, &p, &orbit)?;
-    let kept: Vec<Recording> = recordings.iter().map(|r| kept(model, r)).collect::<Result<_>>()?;
-    (control.progress)("identifying", 0.2);
-    let (measured, method) = identified(&kept, period, options)?;
-    let exact = exact_system.htf(measured.omega(), options.harmonics)?;
-    control.check()?;
-
-    (control.progress)("running the model along the recordings", 0.5);
     let experiments: Vec<Experiment> =
         recordings.iter().map(|r| Experiment::new(model, r, options.hold)).collect::<Result<_>>()?;
-    let substeps = (experiments[0].dt * STEPS / period).ceil().max(1.0) as u64;
+    (control.progress)("identifying", 0.0);
+    let measured = Measured::of(model, &experiments, period, options)?;
+    control.check()?;
+    (control.progress)("finding the orbit", 0.4);
+    let orbit = cycle::cycle(&system, &p, &cycle::Options::default())?;
+    (control.progress)("running the model along the recordings", 0.5);
+    let substeps = fine(&experiments, period);
     let starts = starts(model, &p, &orbit, &experiments, substeps, control);
-    let mut own = Vec::new();
-    for ((e, x0), r) in experiments.iter().zip(&starts).zip(&kept) {
-        let run = Run { system: &system, p: &p, x0, experiment: e, substeps, observer: None, control };
-        let y = run.outputs().ok_or_else(|| Error::NoConvergence {
-            method: format!("simulation of the model along `{}`", e.name),
-            iterations: 0,
-            residual: f64::INFINITY,
-            advice: "it leaves its orbit: check that the recording is of this machine".into(),
-        })?;
-        own.push(simulated(model, r, &y)?);
-    }
-    let (own, _) = identified(&own, period, options)?;
+    let at = At { model, system: &system, p: &p, experiments: &experiments, starts: &starts, substeps, control };
+    let mut map = at.map(&measured, &orbit, options)?;
     (control.progress)("measuring event times", 0.8);
     let sigma = prepare::floors(&experiments, None);
-    let mut warnings = measured.warnings.clone();
-    let events = event_times(model, &system, &p, &experiments, &starts, &sigma, substeps, &mut warnings);
-    let mut map = compare(model, &kept[0], &measured, &exact, &own)?;
-    map.events = events;
-    map.method = method;
-    map.warnings = warnings;
+    map.events = event_times(model, &system, &p, &experiments, &starts, &sigma, substeps, &mut map.warnings);
     map.sentence = map.said();
     (control.progress)("done", 1.0);
     Ok(map)
 }
 
-/// The columns of a recording that the model has: outputs, and inputs that move.
-fn kept(model: &Model, r: &Recording) -> Result<Recording> {
-    let moving = |i: &usize| stats::std(r.input(*i)) > 0.0 && model.inputs().contains(&r.input_names()[*i].as_str());
-    let known = |j: &usize| model.outputs().contains(&r.output_names()[*j].as_str());
-    let inputs: Vec<usize> = (0..r.input_names().len()).filter(moving).collect();
-    let outputs: Vec<usize> = (0..r.output_names().len()).filter(known).collect();
+/// Steps per sample with which the model's own run is exact beside noise.
+fn fine(experiments: &[Experiment], period: f64) -> u64 {
+    (experiments[0].dt * STEPS / period).ceil().max(1.0) as u64
+}
+
+/// What the recordings say without the model: transfer functions between the columns that it knows.
+struct Measured {
+    kept: Vec<Recording>,
+    htf: Htf,
+    method: String,
+}
+
+impl Measured {
+    /// Line by line where the input repeats, since noise is then what does not; with a common denominator elsewhere.
+    fn of(model: &Model, experiments: &[Experiment], period: f64, options: &Options) -> Result<Self> {
+        match Self::by_lines(model, experiments, period, options) {
+            Err(Error::OutOfRange { .. } | Error::Shape { .. }) => {
+                let kept = kept(model, experiments)?;
+                let htf = identified(&kept, period, options, Method::Floquet(floquet::Options::default()))?;
+                Ok(Self { kept, htf, method: "floquet".into() })
+            }
+            other => other,
+        }
+    }
+
+    /// Line by line.
+    fn by_lines(model: &Model, experiments: &[Experiment], period: f64, options: &Options) -> Result<Self> {
+        let kept = kept(model, experiments)?;
+        let htf = identified(&kept, period, options, Method::Lines(lines::Options::default()))?;
+        Ok(Self { kept, htf, method: "lines".into() })
+    }
+
+    /// The same estimate of other outputs (n, ny) of the model, record by record.
+    fn again(&self, model: &Model, outputs: &[Vec<f64>], options: &Options) -> Result<Htf> {
+        let own: Vec<Recording> =
+            self.kept.iter().zip(outputs).map(|(r, y)| simulated(model, r, y)).collect::<Result<_>>()?;
+        let lines = || Method::Lines(lines::Options::default());
+        let floquet = || Method::Floquet(floquet::Options::default());
+        let method = if self.method == "lines" { lines() } else { floquet() };
+        identified(&own, self.htf.period(), options, method)
+    }
+}
+
+fn identified(recordings: &[Recording], period: f64, options: &Options, method: Method) -> Result<Htf> {
+    let (harmonics, band) = (options.harmonics, options.band);
+    identify::identify(recordings, &identify::Options { period, harmonics, band, orbit: Orbit::Removed, method })
+}
+
+/// A model at given parameters beside the records of its machine.
+#[derive(Clone, Copy)]
+struct At<'a> {
+    model: &'a Model,
+    system: &'a Compiled,
+    p: &'a [f64],
+    experiments: &'a [Experiment],
+    /// Initial state of each record.
+    starts: &'a [Vec<f64>],
+    substeps: u64,
+    control: &'a Control<'a>,
+}
+
+impl At<'_> {
+    /// The map around an orbit of the model, as yet without event times and sentence.
+    fn map(&self, measured: &Measured, orbit: &LimitCycle, options: &Options) -> Result<HarmonicMap> {
+        let exact = linearize(self.system, self.p, orbit)?.htf(measured.htf.omega(), options.harmonics)?;
+        self.control.check()?;
+        let own = measured.again(self.model, &self.runs()?, options)?;
+        let mut map = compare(self.model, &measured.kept[0], &measured.htf, &exact, &own)?;
+        map.method.clone_from(&measured.method);
+        map.warnings.clone_from(&measured.htf.warnings);
+        Ok(map)
+    }
+
+    /// Outputs of the model along the records.
+    fn runs(&self) -> Result<Vec<Vec<f64>>> {
+        let At { system, p, substeps, control, .. } = *self;
+        let run = |(e, x0): (&Experiment, &Vec<f64>)| {
+            Run { system, p, x0, experiment: e, substeps, observer: None, control }.outputs().ok_or_else(|| {
+                Error::NoConvergence {
+                    method: format!("simulation of the model along `{}`", e.name),
+                    iterations: 0,
+                    residual: f64::INFINITY,
+                    advice: "it leaves its orbit: check that the recording is of this machine".into(),
+                }
+            })
+        };
+        self.experiments.iter().zip(self.starts).map(run).collect()
+    }
+}
+
+/// The columns of records that a map is made of: inputs that move, and outputs that were measured.
+fn kept(model: &Model, experiments: &[Experiment]) -> Result<Vec<Recording>> {
+    experiments.iter().map(|e| columns(model, e)).collect()
+}
+
+fn columns(model: &Model, e: &Experiment) -> Result<Recording> {
+    let t: Vec<f64> = (0..e.len()).map(|k| e.t0 + k as f64 * e.dt).collect();
+    let (mut inputs, mut input_names) = (Vec::new(), Vec::new());
+    for (i, name) in model.inputs().into_iter().enumerate() {
+        let mut u = vec![0.0; e.inputs.count()];
+        // A quarter of a sample on, the interval is beyond doubt; its polynomial begins at the sample.
+        let sample = |t: &f64| {
+            e.inputs.eval(e.inputs.interval(t + 0.25 * e.dt), *t, &mut u);
+            u[i]
+        };
+        let column: Vec<f64> = t.iter().map(sample).collect();
+        if stats::std(column.iter().copied()) > 0.0 {
+            inputs.push(column);
+            input_names.push(name.to_string());
+        }
+    }
+    let (mut outputs, mut output_names) = (Vec::new(), Vec::new());
+    for (j, name) in model.outputs().into_iter().enumerate() {
+        if e.output(j).any(f64::is_finite) {
+            outputs.push(e.output(j).collect());
+            output_names.push(name.to_string());
+        }
+    }
     if inputs.is_empty() || outputs.is_empty() {
         return Err(Error::Data {
-            what: format!("recording `{}`", r.name()),
+            what: format!("recording `{}`", e.name),
             message: "a harmonic map needs an input of the model that moves and an output of the model; probe the machine with a \
                       small multisine"
                 .into(),
         });
     }
-    Recording::new(
-        r.name(),
-        r.t().to_vec(),
-        inputs.iter().map(|&i| r.input(i).collect()).collect(),
-        outputs.iter().map(|&j| r.output(j).collect()).collect(),
-        inputs.iter().map(|&i| r.input_names()[i].clone()).collect(),
-        outputs.iter().map(|&j| r.output_names()[j].clone()).collect(),
-    )
+    Recording::new(&e.name, t, inputs, outputs, input_names, output_names)
 }
 
 /// A recording with its outputs replaced by those of a run (n, ny) of the model.
@@ -189,25 +284,6 @@ fn simulated(model: &Model, r: &Recording, y: &[f64]) -> Result<Recording> {
         r.input_names().to_vec(),
         r.output_names().to_vec(),
     )
-}
-
-/// Line by line where the input repeats, since noise is then what does not; with a common denominator elsewhere.
-fn identified(recordings: &[Recording], period: f64, options: &Options) -> Result<(Htf, String)> {
-    let with = |method: Method| identify::Options {
-        period,
-        harmonics: options.harmonics,
-        band: options.band,
-        orbit: Orbit::Removed,
-        method,
-    };
-    match identify::identify(recordings, &with(Method::Lines(lines::Options::default()))) {
-        Ok(htf) => Ok((htf, "lines".into())),
-        Err(Error::OutOfRange { .. } | Error::Shape { .. }) => {
-            let htf = identify::identify(recordings, &with(Method::Floquet(floquet::Options::default())))?;
-            Ok((htf, "floquet".into()))
-        }
-        Err(e) => Err(e),
-    }
 }
 
 /// Initial state of each record: that of the orbit at the record's phase, fitted to what was measured.
@@ -229,10 +305,7 @@ fn starts(
     experiments
         .iter()
         .map(|e| {
-            let phase = (e.t0 / orbit.period).rem_euclid(1.0);
-            let n = orbit.trajectory.t.len();
-            let k = ((phase * (n - 1) as f64).round() as usize).min(n - 1);
-            let x0 = orbit.trajectory.states[k * nx..(k + 1) * nx].to_vec();
+            let x0 = on_orbit(orbit, e.t0);
             // A few periods say where it started; more would fit the mismatch into the start.
             let few = e.part(0, ((8.0 * orbit.period / e.dt) as usize).min(e.len()));
             let ground = Ground {
@@ -249,6 +322,14 @@ fn starts(
         .collect()
 }
 
+/// The state on an orbit at a time.
+fn on_orbit(orbit: &LimitCycle, t: f64) -> Vec<f64> {
+    let (n, nx) = (orbit.trajectory.t.len(), orbit.start.len());
+    let phase = (t / orbit.period).rem_euclid(1.0);
+    let k = ((phase * (n - 1) as f64).round() as usize).min(n - 1);
+    orbit.trajectory.states[k * nx..(k + 1) * nx].to_vec()
+}
+
 fn compare(model: &Model, r: &Recording, measured: &Htf, exact: &Htf, own: &Htf) -> Result<HarmonicMap> {
     let k = measured.harmonics() as i64;
     let places = |all: Vec<&str>, names: &[String]| -> Vec<usize> {
@@ -261,19 +342,26 @@ fn compare(model: &Model, r: &Recording, measured: &Htf, exact: &Htf, own: &Htf)
         residual: f64::NAN,
         advice: "no standard deviations came with the estimate: record more periods".into(),
     })?;
-    let (mut z, mut total, mut count) = (Vec::new(), 0.0, 0.0);
+    let own_sd = own.sd();
+    let (mut z, mut total, mut count, mut blur) = (Vec::new(), 0.0, 0.0, 0.0_f64);
     let same = own.omega().len() == measured.omega().len();
     for (y, exact_y) in outputs.iter().enumerate() {
         let mut by_input = Vec::new();
         for (u, exact_u) in inputs.iter().enumerate() {
             let mut rows = Vec::new();
+            let (mut vague, mut size) = (0.0, 0.0);
             for h in -k..=k {
                 let row: Vec<f64> = (0..measured.omega().len())
                     .map(|i| {
                         let truth = exact.value(h, i, *exact_y, *exact_u);
-                        let bias = if same { (own.value(h, i, y, u) - truth).norm() } else { 0.0 };
+                        // What of the model's own run does not repeat is how it began; how the recording began is in its sd.
+                        let began = own_sd.map_or(0.0, |sd| BEGUN * sd[own.index(h, i, y, u)]);
+                        let off = if same { (own.value(h, i, y, u) - truth).norm_sqr() } else { 0.0 };
+                        let bias = (off - began * began).max(0.0).sqrt();
                         let noise = sd[measured.index(h, i, y, u)].hypot(bias);
                         let difference = (measured.value(h, i, y, u) - truth).norm();
+                        vague += noise * noise;
+                        size += truth.norm_sqr();
                         if noise > 0.0 { difference / noise } else { f64::NAN }
                     })
                     .collect();
@@ -283,6 +371,7 @@ fn compare(model: &Model, r: &Recording, measured: &Htf, exact: &Htf, own: &Htf)
                 }
                 rows.push(row);
             }
+            blur = blur.max((vague / size).sqrt());
             by_input.push(rows);
         }
         z.push(by_input);
@@ -299,6 +388,7 @@ fn compare(model: &Model, r: &Recording, measured: &Htf, exact: &Htf, own: &Htf)
         inputs: r.input_names().to_vec(),
         z,
         mean_square,
+        blur,
         differs,
         events: Vec::new(),
         method: String::new(),
@@ -325,6 +415,14 @@ impl HarmonicMap {
         best
     }
 
+    /// `the harmonic map stands above noise at harmonic +1 from u to h near 5.4 Hz`; `None` where it does not.
+    pub fn stands(&self) -> Option<String> {
+        let (y, u, h, w, _) = self.peak().filter(|_| self.differs)?;
+        let hz = number(w / std::f64::consts::TAU);
+        let h = if h == 0 { "0".into() } else { format!("{h:+}") };
+        Some(format!("the harmonic map stands above noise, most at harmonic {h} from {u} to {y} near {hz} Hz"))
+    }
+
     fn said(&self) -> String {
         let mut parts = Vec::new();
         match self.peak().filter(|_| self.differs) {
@@ -335,9 +433,16 @@ impl HarmonicMap {
                 number(w / std::f64::consts::TAU),
                 number(v)
             )),
+            None if self.blur > LOST => parts.push(format!(
+                "These recordings cannot tell whether the transfer functions are those of the model: their standard deviation \
+                 is {} times their size",
+                number(self.blur)
+            )),
             None => parts.push(format!(
-                "The transfer functions are those of the model within their noise ({} standard deviations on average)",
-                number(self.mean_square.sqrt())
+                "The transfer functions are those of the model within their noise ({} standard deviations on average, each {} % \
+                 of their size)",
+                number(self.mean_square.sqrt()),
+                number(100.0 * self.blur)
             )),
         }
         let off: Vec<String> = self.events.iter().filter(|e| e.is_off(SAID)).map(EventTime::sentence).collect();

@@ -232,6 +232,7 @@ class TestResult:
         check(tree, kinds)
         place = {"kind": str, "at": str, "mode": (str, type(None)), "variable": str, "phases": list, "p_value": number}
         check(tree["location"], place)
+        assert tree["location"]["repeats"] is None, "dry friction repeats nothing"
         for effect in tree["effects"]:
             check(effect, {"name": str, "at": str, "parameters": dict, "share": number})
             for estimate in effect["parameters"].values():

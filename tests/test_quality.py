@@ -150,7 +150,7 @@ class TestDoubtful:
         found = ltp.diagnose(case.model, case.train, coarse, candidates=["coulomb_friction"])
         assert any("is sampled every 0.02 s" in text for text in found.warnings)
 
-    def test_a_million_samples_end_in_bounded_time(self) -> None:
+    def test_a_million_samples_are_bounded_work(self) -> None:
         truth = ltp.zoo.load("drive").attach("coulomb_friction", "drive", {"force": 20.0})
 
         def recorded(seed: int, t_end: float) -> ltp.Recording:
@@ -166,9 +166,9 @@ class TestDoubtful:
             )
 
         train, test = recorded(1, 1000.0), recorded(2, 20.0)
-        begun = time.perf_counter()
         found = ltp.diagnose(ltp.zoo.load("drive"), train, test)
-        assert time.perf_counter() - begun < 60.0
+        # What is drawn is what was worked on.
+        assert sum(len(record["t"]) for record in found.traces["records"] if record["role"] == "train") < 50_000
         (text,) = (text for text in found.warnings if "bounded time" in text and "long 1" in text)
         assert "every" in text or "stretches" in text
         assert [e.name for e in found.effects] == ["coulomb_friction"], found.sentence

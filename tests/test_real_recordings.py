@@ -64,7 +64,7 @@ def test_emps(capsys: pytest.CaptureFixture[str]) -> None:
     assert row["rms_before"] > 6.0e-6
     assert found["parameters"]["Fv"]["before"] > 1.9 * found["parameters"]["Fv"]["after"]
     assert "velocity" in found["location"]["variable"]
-    # What dry friction leaves has no name, and a law over velocity shows it: viscous friction unlike in the two directions.
+    # What dry friction leaves has no name; a law over velocity shows it: viscous friction, unlike in two directions.
     assert (found["law"]["at"], found["law"]["variable"]) == ("drive", "velocity")
     assert "unknown to the library" in found["sentence"]
 

@@ -175,6 +175,19 @@ def test_without_a_clock_it_is_drawn_over_the_time_since_the_mode_was_entered() 
     assert "mode was entered" not in Page(render(diagnosis(), curves)).text
 
 
+def test_a_sensor_that_is_off_is_drawn_in_its_own_words() -> None:
+    curves = traces() | {"law": None}
+    curves["force"][0] |= {"kind": "output", "at": "q", "unit": "m", "position_unit": "m", "velocity_unit": "m/s"}
+    place = {"kind": "output", "at": "q", "variable": "rate of the measured value", "phases": [], "p_value": 0.01}
+    html = render(diagnosis("unknown") | {"location": place, "law": None}, curves)
+    text = Page(html).text
+    assert "What the sensor is off by" in text
+    assert "Sensor q." in text
+    assert "It depends on the rate of the measured value" in text
+    assert "sensor error" in html
+    assert "missing force" not in text.lower()
+
+
 def test_the_alarm_says_what_hid_and_what_physics_forbids() -> None:
     soaked = {"parameter": "b", "before": -260.0, "after": 203.0, "sigmas": 28.5, "unit": "N s/m"}
     forbidden = "a damping of -260 N s/m feeds energy in"
@@ -259,6 +272,20 @@ def test_long_records_with_many_outputs_stay_small() -> None:
     for record in curves["records"]:
         record["before"] = record["before"] + np.random.default_rng(0).normal(size=record["before"].shape) * 0.01
     assert len(render(diagnosis(outputs=outputs, tests=2), curves).encode()) < 1_500_000
+
+
+def test_the_harmonic_map_is_a_section_of_machines_with_a_clock() -> None:
+    rows = [[0.4 * k + w for w in range(5)] for k in range(3)]
+    tree: dict[str, Any] = {
+        "model_name": "drive", "period": 0.5, "harmonics": [-1, 0, 1], "omega": [1.0, 2.0, 3.0, 4.0, 5.0],
+        "outputs": ["q"], "inputs": ["tau"], "z": [[rows]], "mean_square": 9.0, "blur": 0.01, "differs": True,
+        "events": [], "method": "lines", "sentence": "The transfer functions differ.", "warnings": [],
+    }  # fmt: skip
+    page = render(diagnosis() | {"harmonic": tree, "harmonic_after": 1.21}, traces())
+    assert "1.1 standard deviations on average are left" in Page(page).text
+    assert "harmonic k" in page
+    for odd in (tree | {"z": "?"}, tree | {"z": []}, {"omega": [1.0]}, [3]):
+        assert "harmonic k" not in render(diagnosis() | {"harmonic": odd}, traces())
 
 
 @pytest.mark.parametrize("key", list(diagnosis()))

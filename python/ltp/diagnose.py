@@ -17,7 +17,8 @@ import numpy.typing as npt
 
 from ltp import _ltp
 from ltp._ltp import InputError
-from ltp.harmonic import EventTime
+from ltp.harmonic import EventTime, HarmonicMap
+from ltp.harmonic import from_tree as _harmonic_map
 from ltp.model import Model
 from ltp.recording import Recording
 
@@ -37,9 +38,12 @@ class Estimate:
 class Location:
     """Where model and data part, and what the missing part depends on.
 
-    `kind` and `at` say which port, input, output, contact or parameter; `variable` what it depends on there. `phases`
-    are the parts of the cycle, in [0, 1), when it is confined to some; `p_value` is that of the dependence; `margin` is
-    the gain in log-likelihood that a free force at this place brings.
+    `kind` and `at` say which port, input, output, contact or parameter; `variable` what it depends on there: "sign of
+    velocity", "velocity", "position", "mode", "phase of the cycle", "time since the last event", "input `u`", "rate of
+    input `u`", "time" (a drift), at a sensor "the measured value" or its rate. `phases` are the parts of the cycle, in
+    [0, 1), when it is confined to some; `p_value` is that of the dependence, however many variables were tried;
+    `repeats` says how far on it repeats, over position or over time (by its unit), where it does; `margin` is the gain
+    in log-likelihood that a free force (or bias of a sensor or an input) at this place brings.
     """
 
     kind: str
@@ -50,6 +54,7 @@ class Location:
     p_value: float | None
     margin: float | None
     sentence: str = ""
+    repeats: Estimate | None = None
 
 
 @dataclass(frozen=True)
@@ -192,6 +197,8 @@ class Diagnosis:
     units. `location` is a list when two effects are named, None when there is nothing to locate. `ambiguous_with` names
     what the data cannot tell from the winner. `absorbed` lists the
     nominal parameters that had soaked up what was missing, `separate` the experiments that would tell rivals apart.
+    `harmonic` is the harmonic map of the refitted nominal model, `harmonic_after` its mean square with what was named
+    attached (1: noise alone); both None without a clock, and where the inputs do not tell harmonics apart.
     `model` is the augmented model, `model_name` the nominal one's name.
     """
 
@@ -205,6 +212,8 @@ class Diagnosis:
     absorbed: list[Absorbed]
     separate: list[Separating]
     events: list[EventTime]
+    harmonic: HarmonicMap | None
+    harmonic_after: float | None
     fit: Fit
     law: Law | None
     warnings: list[str]
@@ -348,6 +357,8 @@ def _from_tree(core: _Core, tree: dict[str, Any]) -> Diagnosis:
         absorbed=[Absorbed(**entry) for entry in tree["absorbed"]],
         separate=[Separating(**entry) for entry in tree["separate"]],
         events=[EventTime(**entry) for entry in tree["events"]],
+        harmonic=None if tree["harmonic"] is None else _harmonic_map(tree["harmonic"]),
+        harmonic_after=tree["harmonic_after"],
         fit=Fit([_row(row) for row in tree["fit"]["train"]], [_row(row) for row in tree["fit"]["test"]]),
         law=None
         if law is None
@@ -378,6 +389,7 @@ def _location(tree: Mapping[str, Any]) -> Location:
         p_value=tree.get("p_value"),
         margin=tree.get("margin"),
         sentence=tree.get("sentence") or "",
+        repeats=_estimates({"": tree["repeats"]})[""] if tree.get("repeats") else None,
     )
 
 

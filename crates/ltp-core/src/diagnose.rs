@@ -2,17 +2,19 @@
 //! show that the held-out error falls — or say that it cannot be told.
 //!
 //! Read in order: `experiment` (a recording in the model's terms), `kalman`, `prepare` and `prepared` (sizes, noise, starts,
-//! observers), `fit` (the homotopy from prediction error to simulation error), `trial` (a fitted hypothesis), `locate` and
-//! `occasions` (which port, which variable, when), `sizes`, `places` and `candidates` (every effect at every place), `screen` (the linearised test),
-//! `search` (successive halving), `score`, `judge` (ranking and acceptance), `forward` (several effects), `law`, `unknown`,
+//! observers), `fit` (the homotopy from prediction error to simulation error), `trial` (a fitted hypothesis), `hypothesis` and
+//! `locate` (at which port, sensor or input), `dependence` and `occasions` (on which variable, and when), `sizes`, `places` and
+//! `candidates` (every effect at every place), `screen` (the linearised test), `search` (successive halving), `score`, `judge` (ranking and acceptance), `forward` (several effects), `law`, `unknown`,
 //! `conclude` (the verdict), `report`, `words`, [`result`] (the noun).
 
 mod candidates;
 mod conclude;
+mod dependence;
 mod experiment;
 mod fit;
 mod forward;
 pub mod harmonic;
+mod hypothesis;
 pub mod isolability;
 mod judge;
 mod kalman;
@@ -39,7 +41,7 @@ pub use experiment::{Control, Experiment};
 pub use result::{Diagnosis, Verdict};
 
 use crate::error::{Error, Result, nearest};
-use crate::model::Model;
+use crate::model::{Model, System};
 use crate::signal::Recording;
 use crate::simulate::Hold;
 use places::Places;
@@ -110,8 +112,9 @@ fn work(
     (control.progress)("locating the mismatch", 0.15);
     let scene = Scene { sigma: sigma.clone(), ..prepared.scene.clone() };
     let (forces, located) = locate::everywhere(&bench, &scene, &nominal, options.seed, &mut warnings)?;
-    let places = Places::new(model, &prepared.train, &scene, &forces);
+    let places = Places::new(&bench, &scene, &nominal, &forces);
     let jobs = places.jobs(&names)?;
+    let ports = places.ports().to_vec();
     // A record of its own that was predicted is the best witness; a piece cut from the train records is not one.
     let halves = if own_test { None } else { Some(prepared.halves(model, control)?) };
     let explained = forward::explain(&bench, nominal, &jobs, halves.as_ref(), &mut warnings)?;
@@ -122,7 +125,10 @@ fn work(
         return Err(stranger);
     }
     (control.progress)("weighing the evidence", 0.9);
-    let unnamed = unknown::unnamed(&bench, &explained, &forces, places.ports(), halves.as_ref(), &mut warnings)?;
+    // What a sensor is off by is no force: a law at a port that fits it is an accident.
+    let at_sensor = located.as_ref().is_some_and(|l| l.location.kind == "output");
+    let forces = if at_sensor { Vec::new() } else { forces };
+    let unnamed = unknown::unnamed(&bench, &explained, &forces, &ports, halves.as_ref(), &mut warnings)?;
     conclude::conclude(conclude::Case {
         model,
         bench: &bench,
@@ -130,6 +136,7 @@ fn work(
         explained,
         unnamed,
         located,
+        seed: options.seed,
         warnings,
         clock,
     })
@@ -167,9 +174,11 @@ fn split(
     if !test.is_empty() {
         return Ok((all, test.iter().map(read).collect::<Result<_>>()?));
     }
+    let system = model.compile();
+    let period = system.period(system.parameters());
     let mut parts = (Vec::new(), Vec::new());
     for e in all {
-        let cut = ((1.0 - HELD_OUT) * e.len() as f64) as usize;
+        let cut = prepare::cut(&e, 1.0 - HELD_OUT, period);
         let mut held = e.part(cut, e.len());
         held.name = format!("{} (held out)", e.name);
         parts.0.push(e.part(0, cut));

@@ -87,6 +87,7 @@ fn of_record<'py>(py: Python<'py>, record: &RecordTrace) -> PyResult<Bound<'py, 
 fn of_force<'py>(py: Python<'py>, force: &Force) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     let words = [
+        ("kind", &force.kind),
         ("record", &force.record),
         ("at", &force.at),
         ("unit", &force.unit),

@@ -17,13 +17,20 @@ from .style import COLORS, dots, figure_legend, hide_spines, label, new_figure, 
 #: What a force may be drawn against, in the order of the side panels.
 VARIABLES = ("velocity", "position", "time")
 
+#: What the same series are called at a sensor or an input, where nothing moves.
+WORDS = {
+    "output": {"force": "sensor error", "position": "measured value", "velocity": "rate of the measured value"},
+    "input": {"force": "added to the input", "position": "value of the input", "velocity": "rate of the input"},
+}
+
 
 @dataclass(frozen=True)
 class Force:
     """The smoothed missing force (n,) at one port along one record, with its sd, the port's motion and the time (s).
 
     `phase` (n,) is that of the clock in [0, 1), `mode` (n,) the place of each mode in `modes`; None where there
-    is none.
+    is none. Of `kind` "output" or "input" it is what is added to a sensor or an input, and `position` and `velocity`
+    are the value there and its rate.
     """
 
     record: str
@@ -35,6 +42,12 @@ class Force:
     phase: Array | None = None
     mode: Array | None = None
     modes: tuple[str, ...] = ()
+    kind: str = "port"
+
+    def word(self, series: str) -> str:
+        """What `force`, `position` or `velocity` is called at this kind of place."""
+        plain = "missing force" if series == "force" else series
+        return WORDS.get(self.kind, {}).get(series, plain)
 
     def against(self, variable: str) -> Array:
         """The samples of ``variable``, one of :data:`VARIABLES`."""
@@ -66,7 +79,13 @@ class Units:
 
 def axis_of(variable: str) -> str:
     """The axis on which a dependence is drawn: ``"sign of velocity"`` on velocity, ``"phase"`` on time."""
-    return next((name for name in ("velocity", "position") if name in variable.lower()), "time")
+    words = {
+        "velocity": "velocity",
+        "position": "position",
+        "rate of the meas": "velocity",
+        "measured value": "position",
+    }
+    return next((axis for word, axis in words.items() if word in variable.lower()), "time")
 
 
 @styled
@@ -106,11 +125,11 @@ def missing_force(
             _draw_law(axes, law, scale, factor, name)
         axes.axhline(0, color=COLORS["muted"], lw=0.7, zorder=1)
         axes.set_ylim(low * factor, high * factor)
-        axes.set_xlabel(label(axis, x_unit))
+        axes.set_xlabel(label(forces[0].word(axis), x_unit))
         hide_spines(axes, "left", "bottom")
         plain_ticks(axes, x=6 if axis == main else 4, y=6 if axis == main else 4)
         axes.tick_params(axis="x", length=0)
-    big.set_ylabel(label("missing force", unit))
+    big.set_ylabel(label(forces[0].word("force"), unit))
     figure_legend(figure, big)
     return figure
 
@@ -133,7 +152,7 @@ def _cloud(
     y = np.concatenate([f.force for f in forces])
     some = thin(len(x), points)
     line = dots(axes, x[some] * scale, y[some] * factor, COLORS["nominal"], size=2.4 if with_means else 1.8)
-    line.set_label("missing force, sample by sample")
+    line.set_label(f"{forces[0].word('force')}, sample by sample")
     centre, mean = binned_mean(x, y)
     axes.plot(
         centre * scale,

@@ -54,7 +54,7 @@ def force_over_phase(
     axes.axhline(0, color=COLORS["muted"], lw=0.7, zorder=1)
     axes.set_ylim(low * factor, high * factor)
     axes.set_xlim(0, end)
-    axes.set_ylabel(label("missing force", unit))
+    axes.set_ylabel(label(forces[0].word("force"), unit))
     hide_spines(axes, "left", "bottom")
     plain_ticks(axes, x=None, y=6)
     axes.tick_params(axis="x", length=0)

@@ -12,7 +12,7 @@ from string import Template
 from ltp.plots.numbers import parse_sentence
 
 from .markup import Section, escape
-from .sections import absorbed, curves, fit, force, guide, headline, model, notes, ranking, separate
+from .sections import absorbed, curves, fit, force, guide, harmonic, headline, model, notes, ranking, separate
 from .view import View
 
 #: In the order of the page. Each takes the view and gives a section, or ``None`` when there is nothing to say.
@@ -20,6 +20,7 @@ SECTIONS: tuple[Callable[[View], Section | None], ...] = (
     fit.section,
     curves.section,
     force.section,
+    harmonic.section,
     ranking.section,
     separate.section,
     absorbed.section,

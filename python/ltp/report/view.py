@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ltp.harmonic import HarmonicMap, from_tree
 from ltp.plots import Candidate, Curves, ErrorRow, Force, Law, Units
 from ltp.plots.decimate import Array
 from ltp.plots.numbers import as_number, shorten
@@ -85,6 +86,16 @@ class View:
     def separate(self) -> list[Json]:
         """Experiments that would tell the rivals apart, the best first."""
         return entries(self.data.get("separate"))
+
+    @cached_property
+    def harmonic(self) -> HarmonicMap | None:
+        """The harmonic map; `None` where there is none, or one that cannot be read."""
+        tree = self.data.get("harmonic")
+        try:
+            found = from_tree(tree) if isinstance(tree, Mapping) else None
+        except (KeyError, TypeError, ValueError):
+            return None
+        return found if found is not None and found.z.ndim == 4 and found.z.size else None
 
     @property
     def rivals(self) -> list[str]:
@@ -207,7 +218,7 @@ class View:
 
     @cached_property
     def forces(self) -> dict[str, list[Force]]:
-        """The estimated missing force by port, one entry for each record."""
+        """The estimated missing force by port (or what a sensor or an input is off by), one entry for each record."""
         out: dict[str, list[Force]] = {}
         for f in entries(self._traces.get("force")):
             t = array(f.get("t"))
@@ -225,6 +236,7 @@ class View:
                     phase=array(phase) if phase is not None and len(phase) == len(t) else None,
                     mode=array(mode) if mode is not None and len(mode) == len(t) else None,
                     modes=tuple(texts(f.get("modes"))),
+                    kind=str(f.get("kind") or "port"),
                 )
                 out.setdefault(str(f.get("at", "")), []).append(force)
         return out
@@ -265,7 +277,7 @@ class View:
 def dependence(variable: object) -> str:
     """A variable in a sentence: ``the sign of velocity``, ``position``."""
     text = str(variable)
-    return f"the {text}" if text.startswith(("sign", "phase")) else text
+    return f"the {text}" if text.startswith(("sign", "phase", "mode", "rate", "time since")) else text
 
 
 def _columns(value: object, n: int, outputs: int) -> Array:

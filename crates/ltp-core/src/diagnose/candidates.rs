@@ -6,6 +6,7 @@
 
 use indexmap::IndexMap;
 
+use super::experiment::{FINEST, STEPS_PER_TIME};
 use super::fit::Prior;
 use super::law::evaluate;
 use super::sizes::Sizes;
@@ -16,10 +17,13 @@ use crate::model::{Effect, Model, System};
 
 /// A shape may leave its grid by these factors.
 const BEYOND: (f64, f64) = (1.0 / 200.0, 10.0);
+/// What is in units of a force may leave it by these: the missing force, by which it is scaled, is what other parameters have
+/// left of it.
+const FORCEFUL: (f64, f64) = (1e-5, 1e4);
 /// Amplitude of a finite probe, in natural sizes.
 const PROBE: f64 = 0.2;
-/// A time constant below this many steps cannot be integrated, and is a delay of less than a sample.
-const SHORTEST: f64 = 0.4;
+/// Shortest time constant, in steps: it is integrated with steps as fine as a run ever takes.
+const SHORTEST: f64 = 1.0 / (STEPS_PER_TIME * FINEST);
 
 /// A place and what is known of it.
 #[derive(Clone, Debug)]
@@ -63,6 +67,10 @@ pub struct Candidate {
     pub probes: Vec<Probe>,
     /// Values at which the effect is absent (infinite where it is absent at infinity).
     pub neutral: Vec<f64>,
+    /// Which of its own parameters are its size.
+    sizes: Vec<bool>,
+    /// Whether they are in units of a force.
+    pub forceful: bool,
     /// Simpler effect that it contains.
     pub extends: Option<String>,
 }
@@ -88,22 +96,40 @@ impl Candidate {
         debug_assert_eq!(system.states(), base.made.system.states() + effect.states.len());
         let made = Made { effects, model, system, priors, extra };
         let neutral = effect.parameters.values().map(|p| p.neutral).collect();
-        Ok(Self { made, own, probes, neutral, extends: effect.extends.clone() })
+        let (sizes, extends) = (sizes(&effect), effect.extends.clone());
+        let forceful = effect.parameters.values().zip(&sizes).any(|(p, size)| *size && p.scale.contains("force"));
+        Ok(Self { made, own, probes, neutral, sizes, forceful, extends })
     }
 
-    /// Own parameters with the amplitudes brought nearer to where the effect vanishes.
-    pub fn shrunk(&self, own: &[f64], size: f64) -> Vec<f64> {
-        let amplitudes = self.probes.first().map_or(&[][..], |p| &p.amplitudes);
-        let nearer = |(k, v): (usize, &f64)| {
-            if amplitudes.contains(&k) { self.neutral[k] + size * (v - self.neutral[k]) } else { *v }
+    /// Own parameters with the size of the effect multiplied, from where it is absent: its amplitudes, or else what it has that
+    /// vanishes (the width of a gap, a delay).
+    pub fn resized(&self, own: &[f64], by: f64) -> Vec<f64> {
+        let scaled = |(k, v): (usize, &f64)| {
+            let bounds = self.made.priors[self.own[k]].bounds;
+            let wanted = if self.sizes[k] { self.neutral[k] + by * (v - self.neutral[k]) } else { *v };
+            wanted.clamp(bounds.0, bounds.1)
         };
-        own.iter().enumerate().map(nearer).collect()
+        own.iter().enumerate().map(scaled).collect()
     }
 
     /// `effect@place` of the newest effect.
     pub fn label(&self) -> String {
         self.made.effects.last().map_or(String::new(), |(e, p)| format!("{e}@{p}"))
     }
+}
+
+/// Which parameters of an effect are its size: those in units of a force (a flexible part keeps its frequency when its mass,
+/// stiffness and damping grow together), or else what is not a shape, or, where all are shapes, what can vanish. An effect that
+/// is absent at infinity has none.
+fn sizes(effect: &Effect) -> Vec<bool> {
+    let of =
+        |which: &dyn Fn(&EffectParameter) -> bool| -> Vec<bool> { effect.parameters.values().map(which).collect() };
+    let shape = |p: &EffectParameter| !p.shape.is_empty() || p.value.is_some();
+    if !effect.parameters.values().all(|p| p.neutral.is_finite()) {
+        return of(&|_| false);
+    }
+    let tests: [&dyn Fn(&EffectParameter) -> bool; 3] = [&|p| p.scale.contains("force"), &|p| !shape(p), &|_| true];
+    tests.into_iter().map(of).find(|found| found.contains(&true)).unwrap_or_default()
 }
 
 /// What is known of a parameter of an effect at a place.
@@ -120,8 +146,9 @@ fn prior(effect: &Effect, p: &EffectParameter, place: &Place, step: f64) -> Prio
     }
     let reach = |f: fn(f64, f64) -> f64, from: f64| p.shape.iter().copied().fold(from, f);
     let shortest = if !effect.states.is_empty() && p.scale == "time" { SHORTEST * step } else { 0.0 };
-    let low = (BEYOND.0 * scale * reach(f64::min, f64::INFINITY)).max(bounds.0).max(shortest);
-    let high = (BEYOND.1 * scale * reach(f64::max, 0.0)).min(bounds.1).max(2.0 * low);
+    let beyond = if p.scale.contains("force") { FORCEFUL } else { BEYOND };
+    let low = (beyond.0 * scale * reach(f64::min, f64::INFINITY)).max(bounds.0).max(shortest);
+    let high = (beyond.1 * scale * reach(f64::max, 0.0)).min(bounds.1).max(2.0 * low);
     Prior { bounds: (low, high), log: true, ..unknown }
 }
 

@@ -4,14 +4,14 @@ use std::time::Instant;
 
 use super::fit::full;
 use super::forward::{self, Explained};
-use super::harmonic::event_times;
+use super::harmonic::{self, event_times};
 use super::isolability::{Rival, Suggestion, separating};
 use super::locate::{self, Located};
 use super::prepare::Scene;
 use super::result::{self, Diagnosis, Location, ParameterReport, Verdict};
 use super::trial::{Bench, Trial, starts};
 use super::unknown::Unnamed;
-use super::{report, words};
+use super::{dependence, occasions, report, words};
 use crate::error::Result;
 use crate::model::{Model, System};
 
@@ -39,6 +39,8 @@ pub struct Case<'a> {
     pub unnamed: Option<Unnamed>,
     /// Where a missing force explains best what the nominal model leaves.
     pub located: Option<Located>,
+    /// Seed of what is random.
+    pub seed: u64,
     /// Doubts so far.
     pub warnings: Vec<String>,
     /// Start of the work.
@@ -90,11 +92,14 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         bench.train.substeps,
         &mut warnings,
     );
+    let harmonic = harmonic::of_refit(clocked(bench, nominal, &nominal.parameters()), &events, &mut warnings)?;
+    let harmonic_after =
+        if found && harmonic.is_some() { harmonic::after(clocked(bench, after, &after.parameters()))? } else { None };
 
     // With effects named, their force is what the nominal equations miss when nothing else has to make up for it.
-    let port = shown.made.effects.iter().find(|(_, at)| model.ports().contains(&at.as_str()));
+    let port = shown.made.effects.iter().map(|(_, at)| at.as_str()).find(|at| model.ports().contains(at));
     let forces = match port {
-        Some((_, port)) => {
+        Some(port) => {
             let p = full(&nominal.made.system, &shown.fit.point.theta[..nominal.made.priors.len()]);
             locate::missing(bench, case.scene, &p, port)?
         }
@@ -110,7 +115,7 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         model_name: model.name().to_string(),
         verdict,
         sentence: String::new(),
-        location: if silent { Vec::new() } else { places(after, located) },
+        location: if silent { Vec::new() } else { places(after, located, (port, &forces), case.seed) },
         effects: if found { report::effects(after, &explained.shares) } else { Vec::new() },
         ambiguous_with: near,
         candidates: report::candidates(&explained),
@@ -118,6 +123,8 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         absorbed,
         separate: if found { separate(bench, &explained)? } else { Vec::new() },
         events,
+        harmonic,
+        harmonic_after,
         fit,
         model: report::augmented(after)?.to_toml()?,
         law,
@@ -135,10 +142,22 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         }
         l.sentence = words::place(l, &others);
     }
+    if let (Some(l), Some(stands)) =
+        (diagnosis.location.first_mut(), diagnosis.harmonic.as_ref().and_then(harmonic::HarmonicMap::stands))
+    {
+        l.sentence = format!("{}; {stands}", l.sentence);
+    }
     diagnosis.sentence = words::sentence(&diagnosis, &moved);
     diagnosis.seconds = case.clock.elapsed().as_secs_f64();
     (bench.train.control.progress)("done", 1.0);
     Ok(diagnosis)
+}
+
+/// A fitted trial as a harmonic map sees it.
+fn clocked<'a>(bench: &'a Bench<'a>, t: &'a Trial, p: &'a [f64]) -> harmonic::Refit<'a> {
+    let made = &t.made;
+    let (experiments, control) = (bench.train.experiments, bench.train.control);
+    harmonic::Refit { model: &made.model, system: &made.system, p, experiments, control }
 }
 
 /// `effect@place` of what a trial added beyond the hypothesis of its round.
@@ -146,8 +165,14 @@ fn alternative(t: &Trial, onto: usize) -> String {
     super::trial::label(&t.made.effects[onto.min(t.made.effects.len())..])
 }
 
-/// Where the named effects act, or where a missing force was located.
-fn places(after: &Trial, located: Option<Located>) -> Vec<Location> {
+/// Where the named effects act, or where a missing force was located. What is missing at a port where something was named is
+/// held against what it may depend on, also if it was located elsewhere.
+fn places(
+    after: &Trial,
+    located: Option<Located>,
+    (port, forces): (Option<&str>, &[result::Force]),
+    seed: u64,
+) -> Vec<Location> {
     let found = located.map(|l| l.location);
     if after.made.effects.is_empty() {
         return found.into_iter().collect();
@@ -161,6 +186,12 @@ fn places(after: &Trial, located: Option<Located>) -> Vec<Location> {
             let kind = library.get(name).map_or_else(|_| "port".into(), |e| e.on.clone());
             match &found {
                 Some(l) if l.kind == kind && l.at == *at => l.clone(),
+                _ if port == Some(at.as_str()) && !forces.is_empty() => {
+                    let (variable, p_value) = dependence::depends_on(forces, seed);
+                    let repeats = dependence::repeats(forces, &variable);
+                    let (mode, phases) = (occasions::mode(forces), occasions::phases(forces));
+                    Location { mode, variable, repeats, phases, p_value, ..unmeasured(kind, at.clone()) }
+                }
                 _ => unmeasured(kind, at.clone()),
             }
         })
@@ -170,7 +201,7 @@ fn places(after: &Trial, located: Option<Located>) -> Vec<Location> {
 /// A place at which something was named, without a measurement of what depends on what there.
 fn unmeasured(kind: String, at: String) -> Location {
     let (mode, variable, phases, sentence) = (None, String::new(), Vec::new(), String::new());
-    Location { kind, at, mode, variable, phases, p_value: 1.0, margin: 0.0, sentence }
+    Location { kind, at, mode, variable, repeats: None, phases, p_value: 1.0, margin: 0.0, sentence }
 }
 
 /// Which experiment would tell the accepted effect from its rivals.

@@ -149,6 +149,16 @@ pub struct Run<'a> {
     pub control: &'a Control<'a>,
 }
 
+/// Most parts into which a step is cut for the sake of a short time constant.
+pub const FINEST: f64 = 8.0;
+/// Step over the shortest time constant of an effect's states, above which it is cut.
+pub const STEPS_PER_TIME: f64 = 2.0;
+
+/// Into how many parts a step is cut: those of the model itself suit it, a lag that an effect brings along may be shorter.
+fn finer(system: &dyn System, p: &[f64], step: f64) -> u64 {
+    (step / (STEPS_PER_TIME * system.shortest_time(p))).ceil().clamp(1.0, FINEST) as u64
+}
+
 impl Run<'_> {
     /// Runs along the samples and calls `each(sample, outputs, derivatives)`; the derivatives `(ny, nx + nf)` by initial
     /// state and free parameter are empty where not asked for.
@@ -156,7 +166,8 @@ impl Run<'_> {
     /// # Errors
     /// The reason why the run ended early.
     pub fn go(&self, derivatives: bool, each: &mut Each<'_>) -> std::result::Result<(), Stop> {
-        let Run { system, p, x0, experiment: e, substeps, observer, control } = *self;
+        let Run { system, p, x0, experiment: e, observer, control, .. } = *self;
+        let substeps = self.substeps * finer(system, p, e.dt / self.substeps as f64);
         let (nx, nf, ny) = (system.states(), system.free().len(), e.ny);
         let ns = nx + nf;
         let step = e.dt / substeps as f64;

@@ -10,8 +10,11 @@ use crate::error::Result;
 pub const APART: f64 = 10.0;
 /// Share of the structural error that a named effect must remove where it was not fitted.
 const MATERIAL: f64 = 0.25;
+/// Energy beyond noise, as a share of that of the noise, below which no share of it can be measured: an error of 1.1 floors, as
+/// near as a floor is known.
+const FAINT: f64 = 0.21;
 /// A size that is not this many of its own standard deviations from zero is no size.
-const SIZED: f64 = 2.0;
+const SIZED: f64 = 3.0;
 /// Smallest excess of a richer law over the simpler one, in units of the simpler one.
 const EXCESS: f64 = 0.25;
 
@@ -81,7 +84,8 @@ impl Ranking {
         (!(wins && material)).then_some(simple)
     }
 
-    /// What the recordings cannot tell from the winner; members of its own family are not another answer.
+    /// What the recordings cannot tell from the winner. Members of its own family are not another answer, but for a richer
+    /// law that fits decisively better without being materially richer: neither name is certain then.
     pub fn ambiguous(&self, trials: &[Trial], winner: usize) -> Vec<usize> {
         let family = |i: usize| -> Option<Attachment> {
             let (name, at) = trials[i].made.effects.last()?;
@@ -90,7 +94,7 @@ impl Ranking {
         };
         let best = self.score(winner);
         let near = self.order.iter().filter_map(|(i, s)| i.filter(|_| *s - best < APART));
-        near.filter(|&i| i != winner && family(i) != family(winner)).collect()
+        near.filter(|&i| i != winner && (family(i) != family(winner) || best - self.score(i) > APART)).collect()
     }
 
     /// Distance of each entry to the winner.
@@ -118,6 +122,9 @@ pub struct Evidence {
     pub threshold: f64,
     /// Distance of the least certain added effect from none at all, in standard deviations of its size.
     pub sized: f64,
+    /// Whether what is unexplained is so far below the noise, on the train and on the held-out records, that no share of it can
+    /// be measured: then the likelihood of records that were not fitted decides.
+    pub faint: (bool, bool),
 }
 
 impl Evidence {
@@ -128,11 +135,12 @@ impl Evidence {
 
     /// Whether it is real, predicts, and matters: all that can be asked of a law in many coefficients that share its size.
     pub fn explains(&self) -> bool {
+        let (train, test) = self.faint;
         self.gain > self.threshold
-            && self.held_out < 0.0
+            && self.held_out < if test { -self.threshold } else { 0.0 }
             && self.whitened > self.threshold
-            && self.predicted >= MATERIAL
-            && self.share >= MATERIAL
+            && (test || self.predicted >= MATERIAL)
+            && (train || self.share >= MATERIAL)
     }
 
     /// What speaks for an effect that was not accepted, and what against it; `None` where little speaks for it.
@@ -142,7 +150,15 @@ impl Evidence {
         let tests = [
             (self.held_out >= 0.0, "it predicts the held-out records worse than the model without it".to_string()),
             (
-                self.predicted < MATERIAL,
+                self.faint.1 && self.held_out < 0.0 && self.held_out >= -self.threshold,
+                format!(
+                    "on the held-out records, which hold hardly more than noise, it gains {} units, not {}",
+                    number(-self.held_out),
+                    number(self.threshold)
+                ),
+            ),
+            (
+                !self.faint.1 && self.predicted < MATERIAL,
                 format!(
                     "where it had to predict it removes {} of the error beyond noise, not {}",
                     percent(self.predicted),
@@ -150,7 +166,7 @@ impl Evidence {
                 ),
             ),
             (
-                self.share < MATERIAL,
+                !self.faint.0 && self.share < MATERIAL,
                 format!(
                     "it removes {} of that error where it was fitted, not {}",
                     percent(self.share),
@@ -206,7 +222,14 @@ pub fn weigh(
         share: removed(&[(a, &a.train)], &[(b, &b.train)]),
         threshold: 12.0 + 2.0 * (library.max(1) as f64).ln(),
         sized: sized(trial, nominal.made.effects.len())?,
+        faint: (faint(a, &a.train), halves.is_none() && faint(a, &a.test)),
     })
+}
+
+/// Whether records hold hardly more than noise.
+fn faint(r: &Residuals, records: &[Vec<f64>]) -> bool {
+    let samples: f64 = records.iter().flatten().filter(|v| v.is_finite()).count() as f64;
+    r.structural(records) < FAINT * samples
 }
 
 /// How far the added effects' sizes are from where they would be absent, in standard deviations: the least of them counts. A

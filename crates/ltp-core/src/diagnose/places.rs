@@ -1,11 +1,14 @@
 //! Where candidates may act, with the natural sizes there and the periods that stand out in the missing force.
 
 use super::candidates::{Place, Waves};
-use super::experiment::Experiment;
+use super::experiment::Run;
+use super::fit::Ground;
 use super::prepare::Scene;
 use super::result::Force;
 use super::sizes::Sizes;
-use crate::model::Model;
+use super::trial::{Bench, Trial};
+use crate::model::document::{Definition, FullDefinition};
+use crate::model::{Backend, Model, System};
 use crate::numeric::{regression, stats};
 
 /// Periods that are followed.
@@ -13,26 +16,31 @@ const PERIODS: usize = 3;
 /// Waves over the range of motion at most, and points per wave number.
 const WAVES: usize = 120;
 const FINENESS: usize = 4;
+/// Multiples of a clock's frequency by which a response may be moved from its cause.
+const SIDEBANDS: usize = 3;
 /// Samples kept for a periodogram.
 const KEPT: usize = 2000;
 
 /// Every place at which one of the effects may act.
 pub struct Places<'a> {
     model: &'a Model,
-    train: &'a [Experiment],
+    train: Ground<'a>,
     scene: &'a Scene,
+    nominal: &'a Trial,
     ports: Vec<Place>,
 }
 
 impl<'a> Places<'a> {
-    /// Sizes at the ports are read from the missing force there.
-    pub fn new(model: &'a Model, train: &'a [Experiment], scene: &'a Scene, forces: &[(String, Vec<Force>)]) -> Self {
+    /// Sizes at the ports are read from the missing force there, those of signals from the refitted nominal model.
+    pub fn new(bench: &Bench<'a>, scene: &'a Scene, nominal: &'a Trial, forces: &[(String, Vec<Force>)]) -> Self {
+        let clock = nominal.made.system.period(&nominal.parameters());
         let port = |(at, forces): &(String, Vec<Force>)| Place {
             at: at.clone(),
             sizes: Sizes::at_port(forces, scene),
-            waves: waves(forces),
+            waves: waves(forces, clock),
         };
-        Self { model, train, scene, ports: forces.iter().map(port).collect() }
+        let ports = forces.iter().map(port).collect();
+        Self { model: bench.model, train: bench.train, scene, nominal, ports }
     }
 
     /// The ports.
@@ -67,30 +75,52 @@ impl<'a> Places<'a> {
         self.model.document().ticks.iter().any(|t| names(&t.every) || t.offset.as_deref().is_some_and(names))
     }
 
+    /// Values of an input along the records.
+    fn entering(&self, input: usize) -> Vec<f64> {
+        let mut u = vec![0.0; self.model.inputs().len()];
+        let mut seen = Vec::new();
+        for e in self.train.experiments {
+            for k in 0..e.len() {
+                let t = e.t0 + k as f64 * e.dt;
+                e.inputs.eval(e.inputs.interval(t + 1e-6 * e.dt), t, &mut u);
+                seen.push(u[input]);
+            }
+        }
+        seen
+    }
+
+    /// Values of a signal of the document along the records, as an output of the nominal model.
+    fn signal(&self, name: &str) -> Option<Vec<f64>> {
+        let mut document = self.model.document().clone();
+        document.outputs.clear();
+        let shown = FullDefinition { value: name.into(), unit: None, column: None };
+        document.outputs.insert("shown".into(), Definition::Full(shown));
+        document.effects.retain(|e| self.model.library().get(&e.name).is_ok_and(|effect| effect.on != "output"));
+        let system =
+            Model::new(document, self.model.library().clone(), "").ok()?.compile_for(Vec::new(), Backend::Native);
+        let p = self.nominal.parameters();
+        let Ground { experiments, substeps, control, .. } = self.train;
+        let mut seen = Vec::new();
+        for (experiment, x0) in experiments.iter().zip(&self.nominal.fit.point.x0) {
+            seen.extend(Run { system: &system, p: &p, x0, experiment, substeps, observer: None, control }.outputs()?);
+        }
+        Some(seen)
+    }
+
     fn place(&self, kind: &str, at: &str) -> Option<Place> {
         let plain = |sizes| Place { at: at.into(), sizes, waves: Waves::default() };
         match kind {
             "port" => self.ports.iter().find(|p| p.at == at).cloned(),
             "input" => {
-                // A signal is as large as the inputs that enter it, as far as is known before it is run.
-                let inputs: Vec<usize> = match self.model.document().inputs.get_index_of(at) {
-                    Some(i) => vec![i],
-                    None => (0..self.model.inputs().len()).collect(),
+                let seen = match self.model.document().inputs.get_index_of(at) {
+                    Some(i) => self.entering(i),
+                    None => self.signal(at)?,
                 };
-                let mut u = vec![0.0; self.model.inputs().len()];
-                let mut seen = Vec::new();
-                for e in self.train {
-                    for k in 0..e.len() {
-                        let t = e.t0 + k as f64 * e.dt;
-                        e.inputs.eval(e.inputs.interval(t + 1e-6 * e.dt), t, &mut u);
-                        seen.push(inputs.iter().map(|i| u[*i].abs()).sum());
-                    }
-                }
                 Some(plain(Sizes::of_input(seen.into_iter(), self.scene)))
             }
             "output" => {
                 let j = self.model.outputs().iter().position(|o| *o == at)?;
-                Some(plain(Sizes::of_output(self.train, j, self.scene)))
+                Some(plain(Sizes::of_output(self.train.experiments, j, self.scene)))
             }
             "contact" => {
                 let port = self.model.document().contacts.get(at)?.port.as_ref();
@@ -107,8 +137,10 @@ impl<'a> Places<'a> {
     }
 }
 
-/// Wavelengths and angular frequencies at which a force repeats over position and over time.
-fn waves(forces: &[Force]) -> Waves {
+/// Wavelengths and angular frequencies at which a force repeats over position and over time, the strongest first. Along a
+/// machine with a clock of a period the response to one frequency stands at all those that lie multiples of the clock's
+/// beside it: each of them may be the one, and they follow.
+pub fn waves(forces: &[Force], clock: Option<f64>) -> Waves {
     let total: usize = forces.iter().map(|f| f.t.len()).sum();
     let every = total.div_ceil(KEPT).max(1);
     let pick = |of: &dyn Fn(&Force) -> &Vec<f64>| -> Vec<f64> {
@@ -154,5 +186,24 @@ fn waves(forces: &[Force]) -> Waves {
     } else {
         Vec::new()
     };
+    let omegas = match clock.map(|period| tau / period) {
+        Some(pump) => sidebands(&omegas, pump, std::f64::consts::PI / dt),
+        None => omegas,
+    };
     Waves { lengths, omegas }
+}
+
+/// Angular frequencies with their neighbours up to [`SIDEBANDS`] multiples of a clock's away, each once, below a limit.
+fn sidebands(omegas: &[f64], pump: f64, limit: f64) -> Vec<f64> {
+    let mut out: Vec<f64> = omegas.to_vec();
+    for k in 1..=SIDEBANDS {
+        for w in omegas {
+            for other in [w + k as f64 * pump, (w - k as f64 * pump).abs()] {
+                if other > 0.0 && other < limit && out.iter().all(|o| (o - other).abs() > 0.02 * pump) {
+                    out.push(other);
+                }
+            }
+        }
+    }
+    out
 }

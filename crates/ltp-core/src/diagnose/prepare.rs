@@ -9,31 +9,42 @@ use crate::error::{Error, Result};
 use crate::model::{Attached, Compiled, Effect, Library, Model, Point, System, document, effects};
 use crate::numeric::{spectrum, stats};
 
+/// Share of a record from its beginning by which its start is judged.
+const BEGINNING: f64 = 0.08;
+/// Share of the values of a state that its size covers.
+const MOST: f64 = 0.99;
 /// Name of the effect that stands for a force nobody knows: a state of its own that only noise moves.
 pub const UNKNOWN_FORCE: &str = "unknown_force";
+/// Name of the effect that stands for what a sensor or an input is off by.
+pub const UNKNOWN_BIAS: &str = "unknown_bias";
 /// Intensity of noise below which a measurement is not believed to be better than this fraction of its motion.
 const FINEST: f64 = 1e-9;
 
-/// A model with an unknown force at some of its ports, as states after the model's own.
-pub fn with_unknown_forces(model: &Model, ports: &[&str]) -> Result<Model> {
+/// A model with something unknown at places of one kind, as states after the model's own: a force at ports, or what is added
+/// to inputs or outputs.
+///
+/// # Errors
+/// [`Error::UnknownName`] for a place that the model does not have.
+pub fn with_unknown(model: &Model, on: &str, places: &[&str]) -> Result<Model> {
     let mut library = model.library().clone();
+    let (name, law, unit) = match on {
+        "port" => (UNKNOWN_FORCE, "w", "force"),
+        _ => (UNKNOWN_BIAS, "value + w", on),
+    };
     let mut effect = Effect {
-        sentence: "a force that nobody knows".into(),
-        on: "port".into(),
-        law: Some("w".into()),
+        sentence: "something that nobody knows".into(),
+        on: on.into(),
+        law: Some(law.into()),
         reference: "random walk".into(),
         ..Effect::default()
     };
-    let state = effects::EffectState { value: 0.0, start: None, unit: "force".into(), flow: "0".into() };
+    let state = effects::EffectState { value: 0.0, start: None, unit: unit.into(), flow: "0".into() };
     effect.states.insert("w".into(), state);
-    library.add(UNKNOWN_FORCE, effect)?;
+    library.add(name, effect)?;
     let mut document = model.document().clone();
-    for port in ports {
-        document.effects.push(Attached {
-            name: UNKNOWN_FORCE.into(),
-            at: (*port).into(),
-            parameters: document::Named::new(),
-        });
+    for at in places {
+        let parameters = document::Named::new();
+        document.effects.push(Attached { name: name.into(), at: (*at).into(), parameters });
     }
     Model::new(document, library, "")
 }
@@ -113,6 +124,10 @@ pub struct Follower<'a> {
     p: Vec<f64>,
     states: usize,
     ports: usize,
+    /// Period of the clock.
+    period: Option<f64>,
+    /// Where the states that the starting mode holds are.
+    held: Vec<Option<f64>>,
     substeps: u64,
     control: &'a Control<'a>,
 }
@@ -124,8 +139,11 @@ impl<'a> Follower<'a> {
     /// None that a model which exists could cause.
     pub fn new(model: &Model, p: &[f64], substeps: u64, control: &'a Control<'a>) -> Result<Self> {
         let ports = model.ports();
-        let probe = with_unknown_forces(model, &ports)?.compile_for(Vec::new(), crate::model::Backend::Native);
-        Ok(Self { probe, p: p.to_vec(), states: model.states().len(), ports: ports.len(), substeps, control })
+        let probe = with_unknown(model, "port", &ports)?.compile_for(Vec::new(), crate::model::Backend::Native);
+        let (states, ports, period) = (model.states().len(), ports.len(), probe.period(p));
+        let stated = probe.initial_state();
+        let held = model.held_at_start().into_iter().zip(stated).map(|(held, v)| held.then_some(v)).collect();
+        Ok(Self { probe, p: p.to_vec(), states, ports, period, held, substeps, control })
     }
 
     /// Sizes of the states before anything else is known: outputs as they range, rates as their speed allows.
@@ -250,7 +268,7 @@ impl<'a> Follower<'a> {
         let nx = self.probe.states();
         let mut scene =
             Scene { state_scale: rough.clone(), sigma: sigma.clone(), speed, start: Vec::new(), middle: Vec::new() };
-        let mut largest = vec![0.0_f64; self.states];
+        let mut seen: Vec<Vec<f64>> = vec![Vec::new(); self.states];
         for (r, e) in train.iter().chain(test).enumerate() {
             let followed =
                 [4.0, 16.0, 1.0].into_iter().find_map(|f| self.smooth(e, &initial, &rough, &sigma, f * speed));
@@ -259,21 +277,61 @@ impl<'a> Follower<'a> {
             };
             if let Some(s) = &followed {
                 for row in s.x.chunks(nx) {
-                    for (l, v) in largest.iter_mut().zip(row) {
-                        *l = l.max(v.abs());
-                    }
+                    seen.iter_mut().zip(row).for_each(|(seen, v)| seen.push(v.abs()));
                 }
             }
-            scene.start.push(at(0));
+            scene.start.push(self.begun(e, &sigma, at(0), &initial));
             if r < train.len() {
-                scene.middle.push(at(e.len() / 2));
+                scene.middle.push(at(cut(e, 0.5, self.period)));
             }
         }
-        for (s, l) in scene.state_scale.iter_mut().zip(largest) {
+        for (s, seen) in scene.state_scale.iter_mut().zip(seen) {
+            // The first samples of a state that nobody measures may lie anywhere.
+            let l = if seen.is_empty() { 0.0 } else { stats::quantile(&seen, MOST) };
             *s = if l > 0.0 && l.is_finite() { l } else { *s };
         }
         scene
     }
+
+    /// Where a record starts: as the filter saw it, as the document has it, or what is measured from the one and the rest from
+    /// the other, whichever meets the beginning of the record best in a free run.
+    fn begun(&self, e: &Experiment, sigma: &[f64], followed: Vec<f64>, stated: &[f64]) -> Vec<f64> {
+        let (nx, ny) = (self.probe.states(), e.outputs());
+        let mut u = vec![0.0; self.probe.inputs()];
+        e.inputs.eval(0, e.t0, &mut u);
+        let padded =
+            |x: &[f64]| -> Vec<f64> { x.iter().copied().chain(std::iter::repeat_n(0.0, nx - x.len())).collect() };
+        let mut jacobian = vec![0.0; ny + ny * nx];
+        let at = Point { t: e.t0, x: &padded(&followed), u: &u, p: &self.p };
+        self.probe.output_jacobian(self.probe.initial_mode(), at, &mut jacobian);
+        let measured = |i: usize| (0..ny).any(|j| jacobian[ny + j * nx + i].abs() > 1e-9);
+        let mixed =
+            followed.iter().zip(stated).enumerate().map(|(i, (f, s))| if measured(i) { *f } else { *s }).collect();
+        let beginning = e.part(0, ((BEGINNING * e.len() as f64) as usize).clamp(e.len().min(20), e.len()));
+        let misfit = |x: &Vec<f64>| -> f64 {
+            let (x0, experiment) = (&padded(x), &beginning);
+            let (system, p, substeps) = (&self.probe, &self.p, self.substeps);
+            let run = Run { system, p, x0, experiment, substeps, observer: None, control: self.control };
+            let Some(y) = run.outputs() else { return f64::INFINITY };
+            let each = y.iter().zip(&beginning.y).enumerate().map(|(i, (y, m))| ((y - m) / sigma[i % ny]).powi(2));
+            each.filter(|v| !v.is_nan()).sum()
+        };
+        let mut all: Vec<Vec<f64>> = vec![followed, mixed, stated.to_vec()];
+        for x in &mut all {
+            x.iter_mut().zip(&self.held).for_each(|(v, held)| *v = held.unwrap_or(*v));
+        }
+        let misfits: Vec<f64> = all.iter().map(misfit).collect();
+        let best = (0..all.len()).min_by(|a, b| misfits[*a].total_cmp(&misfits[*b])).unwrap_or(0);
+        all.swap_remove(best)
+    }
+}
+
+/// Sample at which a record is cut after a share of it: under a clock, a whole number of periods after its beginning, so that
+/// what follows begins alike.
+pub fn cut(e: &Experiment, share: f64, period: Option<f64>) -> usize {
+    let wanted = share * e.len() as f64;
+    let whole = period.map(|t| t / e.dt).filter(|n| *n > 1.0 && *n <= wanted);
+    whole.map_or(wanted, |n| ((wanted / n).round() * n).round()) as usize
 }
 
 /// Steps per sample that keep the engine's own error below a tenth of the noise, and that error per output.
@@ -312,7 +370,7 @@ pub fn substeps(system: &dyn System, p: &[f64], ground: Ground<'_>, start: &[Vec
     })
 }
 
-/// The library without the unknown force: names that are tried unless others are asked for.
+/// The library without the unknown: names that are tried unless others are asked for.
 pub fn candidates(library: &Library) -> Vec<String> {
-    library.names().filter(|n| *n != UNKNOWN_FORCE).map(String::from).collect()
+    library.names().filter(|n| ![UNKNOWN_FORCE, UNKNOWN_BIAS].contains(n)).map(String::from).collect()
 }

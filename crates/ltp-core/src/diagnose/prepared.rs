@@ -14,6 +14,9 @@ const BANDWIDTHS: [f64; 3] = [2.0, 1.0, 0.5];
 /// Integration error, in units of noise, above which a reader must be told.
 const COARSE: f64 = 0.3;
 
+/// Freedom at the start, in its size, of a state that the starting mode holds.
+const HELD: f64 = 1e-6;
+
 /// What every fit starts from.
 pub struct Prepared {
     /// Train records.
@@ -24,10 +27,14 @@ pub struct Prepared {
     pub scene: Scene,
     /// Steps per sample.
     pub substeps: u64,
+    /// Freedom of each state at the start of a record.
+    start_scale: Vec<f64>,
     /// Error of the engine at these steps, per output.
     engine_error: Vec<f64>,
     /// Parameters as stated.
     stated: Vec<f64>,
+    /// Period of the clock.
+    period: Option<f64>,
     train_ties: Vec<Ties>,
     test_ties: Ties,
 }
@@ -56,8 +63,11 @@ impl Prepared {
                  jumps often; small effects cannot be trusted"
             ));
         }
-        let (train_ties, test_ties) = (Vec::new(), Vec::new());
-        let mut p = Self { train, test, scene, substeps, engine_error, stated, train_ties, test_ties };
+        let (train_ties, test_ties, period) = (Vec::new(), Vec::new(), system.period(&stated));
+        let freedom = |(s, held): (&f64, bool)| if held { HELD * s } else { *s };
+        let start_scale = scene.state_scale.iter().zip(model.held_at_start()).map(freedom).collect();
+        let mut p =
+            Self { train, test, scene, substeps, start_scale, engine_error, stated, period, train_ties, test_ties };
         for bandwidth in BANDWIDTHS {
             control.check()?;
             let ties = p.ties(model, &p.train, p.train_start(), bandwidth, control)?;
@@ -95,7 +105,7 @@ impl Prepared {
             experiments: &self.train,
             sigma,
             substeps: self.substeps,
-            state_scale: &self.scene.state_scale,
+            state_scale: &self.start_scale,
             control,
         };
         Bench {
@@ -137,8 +147,9 @@ impl Prepared {
     /// # Errors
     /// None that a prepared model could cause.
     pub fn halves(&self, model: &Model, control: &Control<'_>) -> Result<Halves> {
-        let first: Vec<Experiment> = self.train.iter().map(|e| e.part(0, e.len() / 2)).collect();
-        let second: Vec<Experiment> = self.train.iter().map(|e| e.part(e.len() / 2, e.len())).collect();
+        let cut = |e: &Experiment| prepare::cut(e, 0.5, self.period);
+        let first: Vec<Experiment> = self.train.iter().map(|e| e.part(0, cut(e))).collect();
+        let second: Vec<Experiment> = self.train.iter().map(|e| e.part(cut(e), e.len())).collect();
         let (start, middle) = (self.train_start().to_vec(), self.scene.middle.clone());
         let ties = [self.ties(model, &first, &start, 1.0, control)?, self.ties(model, &second, &middle, 1.0, control)?];
         Ok(Halves { parts: [first, second], start: [start, middle], ties })

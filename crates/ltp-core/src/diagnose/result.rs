@@ -3,7 +3,7 @@
 use indexmap::IndexMap;
 use serde::Serialize;
 
-use super::harmonic::EventTime;
+use super::harmonic::{EventTime, HarmonicMap};
 
 /// What ltp says about a mismatch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -54,11 +54,13 @@ pub struct Location {
     pub at: String,
     /// Mode, where only one matters.
     pub mode: Option<String>,
-    /// What the missing force depends on.
+    /// What the missing force, or what a sensor or an input is off by, depends on.
     pub variable: String,
+    /// How far on it repeats, over position or over time, where it does; by the unit one knows which.
+    pub repeats: Option<Estimate>,
     /// Phases of the cycle at which it acts; empty where there is no clock.
     pub phases: Vec<f64>,
-    /// Probability that the dependence is chance.
+    /// Probability that the dependence is chance, however many were tried.
     pub p_value: f64,
     /// Gain in log-likelihood over nothing missing.
     pub margin: f64,
@@ -211,6 +213,11 @@ pub struct Diagnosis {
     pub separate: Vec<Separating>,
     /// Times of events, measured minus predicted by the refitted nominal model: a touchdown 4 ms early is a residual too.
     pub events: Vec<EventTime>,
+    /// Harmonic map of the refitted nominal model; `None` without a clock, and where no train record has an input that repeats on
+    /// lines that tell the harmonics apart.
+    pub harmonic: Option<HarmonicMap>,
+    /// Mean square of the same map with what was named attached.
+    pub harmonic_after: Option<f64>,
     /// Errors before and after.
     pub fit: FitReport,
     /// The augmented model as TOML.
@@ -258,14 +265,16 @@ pub struct RecordTrace {
     pub after: Vec<f64>,
 }
 
-/// A missing force along one record.
+/// A missing force along one record; at an input or an output, what is added to it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Force {
+    /// `port`, `input` or `output`.
+    pub kind: String,
     /// Record.
     pub record: String,
-    /// Port.
+    /// Place.
     pub at: String,
-    /// Unit of the force.
+    /// Unit of the force, or of what is added.
     pub unit: String,
     /// Unit of the position.
     pub position_unit: String,
@@ -273,11 +282,11 @@ pub struct Force {
     pub velocity_unit: String,
     /// Time, s.
     pub t: Vec<f64>,
-    /// Position of the port.
+    /// Position of the port; the value of an input, or of an output as the model has it.
     pub position: Vec<f64>,
-    /// Velocity of the port.
+    /// Velocity of the port; the rate of that value.
     pub velocity: Vec<f64>,
-    /// Force.
+    /// Force, or what is added.
     pub force: Vec<f64>,
     /// One standard deviation.
     pub sd: Vec<f64>,
@@ -285,8 +294,14 @@ pub struct Force {
     pub modes: Vec<String>,
     /// Mode of each sample, as its place in `modes`.
     pub mode: Vec<usize>,
+    /// Period of the clock, s.
+    pub period: Option<f64>,
     /// Phase of the clock in [0, 1); empty where there is no clock.
     pub phase: Vec<f64>,
+    /// Names of the model's inputs.
+    pub input_names: Vec<String>,
+    /// Values of each input.
+    pub inputs: Vec<Vec<f64>>,
     /// Force that a unit change of each uncertain nominal parameter would look like.
     pub imitable: Vec<Vec<f64>>,
 }

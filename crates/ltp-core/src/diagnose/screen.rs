@@ -16,8 +16,11 @@ use crate::model::{Backend, System};
 
 /// Share of a candidate's action that what was fitted cannot imitate, below which it is another parameter's.
 const IMITATED: f64 = 1e-4;
-/// Largest multiple of a finite probe that is believed.
-const LARGEST: f64 = 4.0;
+/// Largest multiple of a finite probe that is believed: of forces, which add up, and of anything else.
+const LARGEST: f64 = 1000.0;
+const FARTHEST: f64 = 4.0;
+/// Smallest: where less is promised, or the other sign, a fit begins here.
+const LEAST: f64 = 0.03;
 /// Ridge on the data alone: parameters that are collinear among themselves must not count as one dimension more.
 const RIDGE: f64 = 1e-7;
 
@@ -171,10 +174,8 @@ impl<'a> Screen<'a> {
                 }
             }
         } else {
-            a[0] = a[0].clamp(0.0, LARGEST);
-            if let Some(scaled) = scaled(candidate, probe, a[0].max(0.1)) {
-                own = scaled;
-            }
+            a[0] = a[0].clamp(0.0, if candidate.forceful { LARGEST } else { FARTHEST });
+            own = candidate.resized(&probe.own, a[0].max(LEAST));
         }
         let mut after = self.residual.clone();
         let mut all = self.whole.clone();
@@ -267,20 +268,6 @@ pub fn joined(candidate: &Candidate, ground: Ground<'_>, at: &Point, own: &[f64]
     let theta = [at.theta.as_slice(), own].concat();
     let x0 = widened(system, &full(system, &theta), ground.experiments, &at.x0);
     Point { theta, x0 }
-}
-
-/// A finite probe with its action multiplied: amplitudes, if it has any, scale; shapes stay.
-fn scaled(candidate: &Candidate, probe: &Probe, by: f64) -> Option<Vec<f64>> {
-    let library = candidate.made.model.library();
-    let effect = library.get(&candidate.made.effects.last()?.0).ok()?;
-    let each = effect.parameters.values().zip(&probe.own).zip(&candidate.neutral);
-    Some(
-        each.map(|((p, v), n)| {
-            let shape = !p.shape.is_empty() || p.value.is_some();
-            if shape || !n.is_finite() { *v } else { n + by * (v - n) }
-        })
-        .collect(),
-    )
 }
 
 /// The amplitudes that take away most of a residual.

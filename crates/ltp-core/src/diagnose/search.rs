@@ -20,11 +20,13 @@ const FIRST: Effort = Effort { iterations: 5, ftol: 1e-3 };
 /// Further steps of those that may win.
 const SECOND: Effort = Effort { iterations: 12, ftol: 1e-4 };
 /// Ways of looking at a candidate that are followed.
-const FOLLOWED: usize = 2;
+const FOLLOWED: usize = 3;
 /// Share of the best look's gain that another one must promise to be followed too.
-const ALSO: f64 = 0.7;
+const ALSO: f64 = 0.4;
+/// Share of the cost that a look must promise for its point to be tried though it is worse than nothing.
+const PROMISING: f64 = 0.03;
 /// Sizes of an effect that are tried instead of one that makes matters worse.
-const SMALLER: [f64; 3] = [0.3, 0.1, 0.03];
+const SMALLER: [f64; 7] = [0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4];
 /// Candidates that go on after the first steps, and after the second.
 const LEADERS: usize = 12;
 const FINALISTS: usize = 6;
@@ -241,11 +243,17 @@ impl Runner {
         if candidate.extends.is_none() {
             findings = candidate.probes.iter().filter_map(|p| screen.look(&candidate, p)).collect();
         }
-        findings.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let imitated = !findings.is_empty() && findings.iter().all(|f| f.imitated);
-        findings.truncate(FOLLOWED);
-        let promised = findings.first().map_or(0.0, |f| f.gain);
-        findings.retain(|f| f.gain >= ALSO * promised);
+        // The wave that stands highest in the missing force is followed whatever the linearised test makes of it.
+        let highest = candidate.probes.first().filter(|p| p.wave.is_some()).map(|_| 0);
+        let mut order: Vec<usize> = (0..findings.len()).collect();
+        order.sort_by(|a, b| findings[*b].gain.total_cmp(&findings[*a].gain));
+        let promised = order.first().map_or(0.0, |i| findings[*i].gain);
+        let mut followed: Vec<usize> =
+            order.into_iter().take(FOLLOWED).filter(|i| findings[*i].gain >= ALSO * promised).collect();
+        followed.extend(highest.filter(|i| !findings.is_empty() && !followed.contains(i)));
+        let mut all: Vec<Option<Finding>> = findings.into_iter().map(Some).collect();
+        let findings = followed.into_iter().filter_map(|i| all[i].take()).collect();
         Ok(Self { candidate, findings, fit: None, imitated })
     }
 
@@ -279,8 +287,9 @@ impl Runner {
         }
     }
 
-    /// A few steps from each of the points to which the test points; where such a point is worse than nothing at all, from a
-    /// smaller size of the effect, since a friction that holds everything has no slope.
+    /// A few steps from each of the points to which the test points. Where such a point is worse than nothing at all, the step
+    /// of everything else went too far, which a few steps put right, or the size did: a friction that holds everything has no
+    /// slope. So it is tried from there if much is promised, and from a smaller size.
     fn first(&mut self, bench: &Bench<'_>, base: &Trial) -> Result<()> {
         if self.imitated {
             return Ok(());
@@ -292,12 +301,20 @@ impl Runner {
             bench.train.control.check()?;
             let mut start = (worth(&finding.start), finding.start.clone());
             let own = &finding.start.theta[self.candidate.own[0]..];
-            for size in SMALLER {
+            let promising = finding.gain > PROMISING * base.fit.cost;
+            let astray = |c: f64| promising && c > base.fit.cost && c.is_finite();
+            if astray(start.0) {
+                fits.push(stage(&subject, bench.train, &start.1, bench.train_start, None, FIRST));
+            }
+            for (k, size) in SMALLER.into_iter().enumerate() {
                 if start.0 <= base.fit.cost {
                     break;
                 }
-                let smaller = joined(&self.candidate, bench.train, &base.fit.point, &self.candidate.shrunk(own, size));
+                let smaller = joined(&self.candidate, bench.train, &base.fit.point, &self.candidate.resized(own, size));
                 let c = worth(&smaller);
+                if k == 0 && astray(c) {
+                    fits.push(stage(&subject, bench.train, &smaller, bench.train_start, None, FIRST));
+                }
                 if c < start.0 {
                     start = (c, smaller);
                 }
@@ -368,6 +385,16 @@ impl Runner {
             self.keep(tied);
             if agree && so_far.converged {
                 return Ok(());
+            }
+        }
+        // The free fits may have lost what the test had seen: once more from there, tied.
+        let tie = bench.train_ties.get(bench.train_ties.len() / 2).map_or(&[][..], Vec::as_slice);
+        for seen in self.findings.iter().map(|f| f.start.theta[self.candidate.own[0]..].to_vec()).collect::<Vec<_>>() {
+            bench.train.control.check()?;
+            if self.fit.as_ref().is_some_and(|f| f.cost > ROUGH_LEFT * screen_samples(bench)) {
+                let start = joined(&self.candidate, bench.train, &beginning, &seen);
+                let fit = homotopy(&self.candidate.made.subject(), bench.train, &start, bench.train_start, tie);
+                self.keep(fit);
             }
         }
         if self.fit.as_ref().is_some_and(|f| !f.converged) {

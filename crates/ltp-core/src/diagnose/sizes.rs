@@ -36,11 +36,16 @@ impl Sizes {
     pub fn at_port(forces: &[Force], scene: &Scene) -> Self {
         let all = |of: &dyn Fn(&Force) -> &Vec<f64>| stats::rms(forces.iter().flat_map(|f| of(f).iter().copied()));
         let velocity = forces.iter().flat_map(|f| f.velocity.iter()).fold(0.0_f64, |m, v| m.max(v.abs()));
+        // How far it moves, wherever it is.
+        let position = stats::std(forces.iter().flat_map(|f| f.position.iter().copied()));
+        let time = position / all(&|f| &f.velocity);
+        let plain = Self::new(scene);
         Self {
             force: positive(all(&|f| &f.force)),
             velocity: positive(velocity),
-            position: positive(all(&|f| &f.position)),
-            ..Self::new(scene)
+            position: positive(position),
+            time: if time > 0.0 && time.is_finite() { time } else { plain.time },
+            ..plain
         }
     }
 

@@ -17,6 +17,9 @@ const PATIENCE: usize = 4;
 /// once more with an observer.
 const STRAYED: f64 = 1.2;
 
+/// Shares of a record from its beginning in which its start is looked for, before the whole.
+const GROWING: [f64; 2] = [0.08, 0.3];
+
 /// Channels of delayed inputs that a model may have behind its own.
 const DELAYED: usize = 16;
 
@@ -195,6 +198,12 @@ impl Made {
         own(&self.model, &self.system, self.model.document().effects.len() - self.effects.len() + k)
     }
 
+    /// The same, compiled anew.
+    pub fn copy(&self) -> Self {
+        let (effects, model, system) = (self.effects.clone(), self.model.clone(), self.model.compile());
+        Self { effects, model, system, priors: self.priors.clone(), extra: self.extra.clone() }
+    }
+
     /// What a fit needs of it.
     pub fn subject(&self) -> Subject<'_> {
         Subject { system: &self.system, priors: &self.priors, still: None, extra: &self.extra }
@@ -211,7 +220,9 @@ pub fn finish(bench: &Bench<'_>, made: Made, fit: Fitted, near: &[Vec<f64>]) -> 
     let seen: f64 = bench.train.experiments.iter().map(|e| e.y.iter().filter(|v| v.is_finite()).count() as f64).sum();
     let level = fit.cost / seen.max(1.0);
     let near = widened(system, &p, bench.test.experiments, near);
-    let test_x0 = starts(model, &made.extra, &p, bench.test, &near, bench.test_ties, Some(level));
+    let followed = widened(system, &p, bench.test.experiments, bench.test_start);
+    let expected = Expected { level, followed: &followed };
+    let test_x0 = starts(model, &made.extra, &p, bench.test, &near, bench.test_ties, Some(expected));
     bench.train.control.check()?;
     let residuals = Residuals::of(system, &p, (bench.train, &fit.point.x0), (bench.test, &test_x0));
     Ok(Trial { made, fit, test_x0, residuals })
@@ -231,8 +242,18 @@ pub fn widened(system: &Compiled, p: &[f64], records: &[Experiment], x0: &[Vec<f
     records.iter().zip(x0).map(one).collect()
 }
 
-/// Initial states of records under fixed parameters, from the recordings and an observer. Where `level` is given (the mean
-/// square residual of fitted records) the observer is tried only if the direct way ends above it.
+/// What a prediction of records should reach.
+#[derive(Clone, Copy)]
+pub struct Expected<'a> {
+    /// Mean square residual of the fitted records.
+    level: f64,
+    /// Starting states as the filter saw them.
+    followed: &'a [Vec<f64>],
+}
+
+/// Initial states of records under fixed parameters, from the recordings and an observer. Where it is known how well the
+/// fitted records are met, further ways are tried only while a record is met worse: the observer, then the beginning of the
+/// record by itself, growing to the whole, since a start that lands in another mode is never corrected by what comes later.
 pub fn starts(
     model: &Model,
     extra: &[f64],
@@ -240,7 +261,7 @@ pub fn starts(
     ground: Ground<'_>,
     near: &[Vec<f64>],
     ties: &Ties,
-    level: Option<f64>,
+    expected: Option<Expected<'_>>,
 ) -> Vec<Vec<f64>> {
     // Without derivatives by the parameters a run is two to three times cheaper.
     let system = model.compile_for(Vec::new(), Backend::Native);
@@ -254,15 +275,30 @@ pub fn starts(
             let one = Ground { experiments: std::slice::from_ref(e), ..ground };
             let from = Point { theta: Vec::new(), x0: vec![near[r].clone()] };
             let prior = [near[r].clone()];
-            let direct = stage(&subject, one, &from, &prior, None, FINE);
             let seen = e.y.iter().filter(|v| v.is_finite()).count() as f64;
-            let bar = level.map_or(0.0, |l| STRAYED * STRAYED * l * seen);
-            if let Some(f) = direct.as_ref().filter(|f| f.cost <= bar) {
-                return f.point.x0[0].clone();
-            }
+            let bar = expected.map_or(0.0, |x| STRAYED * STRAYED * x.level * seen);
+            let mut best = stage(&subject, one, &from, &prior, None, FINE);
+            let mut keep = |f: Option<Fitted>| {
+                let better = f.filter(|f| best.as_ref().is_none_or(|b| f.cost < b.cost));
+                best = better.or(best.take());
+                best.as_ref().is_some_and(|b| b.cost <= bar)
+            };
             let own: Ties = ties.iter().map(|strength| vec![strength[r].clone()]).collect();
-            let tied = homotopy(&subject, one, &from, &prior, &own);
-            let best = [direct, tied].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
+            let grown = |start: &Vec<f64>| {
+                let mut at = Point { theta: Vec::new(), x0: vec![start.clone()] };
+                let prior = [start.clone()];
+                for share in GROWING {
+                    let end = ((share * e.len() as f64) as usize).clamp(e.len().min(8), e.len());
+                    let part = [e.part(0, end)];
+                    let ground = Ground { experiments: &part, ..ground };
+                    at = stage(&subject, ground, &at, &prior, None, FINE)?.point;
+                }
+                stage(&subject, one, &at, &prior, None, FINE)
+            };
+            let done = keep(None) || keep(homotopy(&subject, one, &from, &prior, &own));
+            if let (false, Some(x)) = (done, expected) {
+                let _ = keep(grown(&near[r])) || keep(grown(&x.followed[r]));
+            }
             best.map_or(near[r].clone(), |f| f.point.x0[0].clone())
         })
         .collect()

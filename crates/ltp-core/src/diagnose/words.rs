@@ -1,6 +1,6 @@
 //! What was found in words: numbers with the digits they deserve, units with their prefixes, the verdict as a sentence.
 
-use super::locate::CONSTANT;
+use super::dependence::CONSTANT;
 use super::result::{Diagnosis, Estimate, FitReport, Location, NamedEffect, Verdict};
 
 /// Three significant digits, without a tail of zeros.
@@ -60,6 +60,12 @@ fn parameters(e: &NamedEffect) -> String {
     e.parameters.iter().map(|(n, v)| format!("{n} = {}", value(v))).collect::<Vec<_>>().join(", ")
 }
 
+/// A variable as part of a sentence.
+fn dependence(variable: &str) -> String {
+    let article = ["sign", "mode", "phase", "rate", "time since"].iter().any(|w| variable.starts_with(w));
+    if article { format!("the {variable}") } else { variable.to_string() }
+}
+
 /// Where something acts, in one sentence.
 pub fn place(l: &Location, ports: &[&str]) -> String {
     let what = match l.kind.as_str() {
@@ -75,10 +81,14 @@ pub fn place(l: &Location, ports: &[&str]) -> String {
         "sign of velocity" => ", where the velocity changes sign".into(),
         CONSTANT => ", constant".into(),
         v if v.starts_with("nothing") => String::new(),
-        v => format!(", following {v}"),
+        "mode" => ", different from mode to mode".into(),
+        v => format!(", following {}", dependence(v)),
     };
     if l.p_value <= 0.05 {
         text.push_str(&on);
+    }
+    if let Some(step) = &l.repeats {
+        text.push_str(&format!(", repeating every {}", quantity(step.value, &step.unit)));
     }
     if let Some(mode) = &l.mode {
         text.push_str(&format!(", in {mode}"));
@@ -87,8 +97,9 @@ pub fn place(l: &Location, ports: &[&str]) -> String {
         let list: Vec<String> = l.phases.iter().map(|p| format!("{p:.2}")).collect();
         text.push_str(&format!(", in every cycle at phase {}", list.join(" and ")));
     }
-    let others: Vec<String> = ports.iter().filter(|p| **p != l.at).map(|p| format!("`{p}`")).collect();
-    if l.kind == "port" && l.margin > 0.0 && !others.is_empty() {
+    let others: Vec<String> =
+        ports.iter().filter(|p| l.kind != "port" || **p != l.at).map(|p| format!("`{p}`")).collect();
+    if matches!(l.kind.as_str(), "port" | "output" | "input") && l.margin > 0.0 && !others.is_empty() {
         text.push_str(&format!("; a force at {} would explain less", others.join(" or ")));
     }
     text
@@ -96,8 +107,13 @@ pub fn place(l: &Location, ports: &[&str]) -> String {
 
 /// The verdict in one sentence with numbers and units.
 pub fn sentence(d: &Diagnosis, moved: &[(String, f64)]) -> String {
-    let place = d.location.iter().find(|l| l.kind == "port" && l.p_value <= 0.05).map_or(String::new(), |l| {
-        format!("; the missing force acts at `{}` and depends on {} (p = {})", l.at, l.variable, number(l.p_value))
+    let place = d.location.iter().find(|l| l.p_value <= 0.05).map_or(String::new(), |l| {
+        let what = match l.kind.as_str() {
+            "output" => format!("what the sensor `{}` is off by", l.at),
+            "input" => format!("what is added to the input `{}`", l.at),
+            _ => format!("the missing force acts at `{}` and", l.at),
+        };
+        format!("; {what} depends on {} (p = {})", dependence(&l.variable), number(l.p_value))
     });
     let named: Vec<String> =
         d.effects.iter().map(|e| format!("`{}` at `{}` ({})", e.name, e.at, parameters(e))).collect();

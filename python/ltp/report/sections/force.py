@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from ltp.plots import axis_of, force_over_phase, missing_force
 from ltp.plots.numbers import as_number, pretty_unit, significant
@@ -12,16 +13,36 @@ from ..view import View, dependence
 
 
 def section(view: View) -> Section | None:
-    """One figure for each port at which a missing force was estimated."""
+    """One figure for each place at which a missing force, or an error of a sensor or an input, was estimated."""
     if not view.forces:
         return None
     body = "\n".join(_figure(view, at, index) for index, at in enumerate(view.forces))
-    return Section("force", "The missing force", _sentence(view), body)
+    kind = next(iter(view.forces.values()))[0].kind
+    return Section("force", _PLACES.get(kind, _PORT).title, _sentence(view, kind), body)
 
 
-def _sentence(view: View) -> str:
+@dataclass(frozen=True)
+class _Words:
+    """How the section speaks of one kind of place."""
+
+    title: str
+    place: str
+    estimate: str
+    lacks: str
+
+
+_PORT = _Words("The missing force", "port", "missing force", "The force that the nominal equations lack")
+_PLACES = {
+    "output": _Words(
+        "What the sensor is off by", "sensor", "error", "What the sensor adds to what the model would measure"
+    ),
+    "input": _Words("What the input is off by", "input", "error", "What enters the model beside the recorded input"),
+}
+
+
+def _sentence(view: View, kind: str) -> str:
     text = (
-        "The force that the nominal equations lack, estimated from the training records by a smoother that knows no "
+        f"{_PLACES.get(kind, _PORT).lacks}, estimated from the training records by a smoother that knows no "
         "law of friction or stiffness. "
     )
     if not view.added and view.verdict != "unknown":
@@ -40,18 +61,23 @@ def _figure(view: View, at: str, index: int) -> str:
     here = [str(e.get("name")) for e in view.effects if e.get("at") == at]
     name = " + ".join(here) if here else "estimated"
     drawing = missing_force(forces, variable, law=law, units=view.units(at), name=name)
-    main = axis_of(variable)
-    caption = f"Port {at}. The circles are means of the grey samples over bins and know nothing of the law."
+    main, words = axis_of(variable), _PLACES.get(forces[0].kind, _PORT)
+    place = words.place.capitalize()
+    caption = f"{place} {at}. The circles are means of the grey samples over bins and know nothing of the law."
     if law is not None:
         caption += " The band around the law is two sigma."
     caption += f" Over time: record {forces[0].record}."
-    out = figure(drawing, f"force{index}", f"Estimated missing force at port {at} against {main}. {caption}", caption)
+    seen = f"Estimated {words.estimate} at {words.place} {at} against {forces[0].word(main)}. {caption}"
+    out = figure(drawing, f"force{index}", seen, caption)
     clocked = all(f.phase is not None and len(f.phase) for f in forces)
     if clocked or any(len(f.modes) > 1 for f in forces):
         found = [p for place in view.locations if place.get("at") == at for p in _numbers(place.get("phases"))]
         marks = found if clocked else []
         over = "phase of the clock" if clocked else "time since the mode was entered"
-        text = f"The same force at port {at} over the {over}. Shaded: the middle half of the samples of a bin."
+        what = "force" if words is _PORT else words.estimate
+        text = (
+            f"The same {what} at {words.place} {at} over the {over}. Shaded: the middle half of the samples of a bin."
+        )
         if marks:
             text += " Dashed: where it acts, as located."
         out += figure(force_over_phase(forces, units=view.units(at), phases=marks), f"phase{index}", text, text)

@@ -73,7 +73,7 @@ fn signal(
 }
 
 fn port(model: &Model, port: &str, runs: &[Trajectory]) -> Result<Sizes> {
-    let probe = prepare::with_unknown_forces(model, &[port])?.compile_for(Vec::new(), Backend::Plain);
+    let probe = prepare::with_unknown(model, "port", &[port])?.compile_for(Vec::new(), Backend::Plain);
     let motion = model.port_motion(port)?;
     let (nx, own) = (probe.states(), model.states().len());
     let p = probe.parameters().to_vec();

@@ -16,6 +16,8 @@ const MASK: f64 = 2.0;
 const LOOSE: f64 = 1e3;
 /// Decrease of the energy by a step below which further ones bring nothing.
 const SETTLED: f64 = 0.1;
+/// Factor by which a positive parameter may change in one step.
+const STRIDE: f64 = 3.0;
 /// Weights of a step's length that are tried in turn.
 const REINS: [f64; 5] = [1.0, 1e3, 1e6, 1e9, 1e12];
 /// Steps of the refit that masks.
@@ -75,7 +77,9 @@ impl Linear {
             .map(|(&i, s)| {
                 let p = &infos[i];
                 let wanted = p.value + s * WIDE * p.sd.unwrap_or(0.0);
-                (p.name.as_str(), wanted.clamp(p.bounds.0, p.bounds.1), None)
+                // Far off a machine may be so stiff that it never gets to the end of a record.
+                let near = if p.value > 0.0 { wanted.clamp(p.value / STRIDE, p.value * STRIDE) } else { wanted };
+                (p.name.as_str(), near.clamp(p.bounds.0, p.bounds.1), None)
             })
             .collect();
         to.model = from.model.with_parameters(&values)?;

@@ -16,6 +16,8 @@ pub const TOLERANCE: f64 = 1e-10;
 const PILE: usize = 400;
 /// A state beyond this, in its SI unit, is no motion of a machine any more.
 const ESCAPED: f64 = 1e9;
+/// Steps from sample to sample, on average, beyond which a motion is given up.
+const PATIENCE: usize = 200;
 
 /// What a run needs beyond the machine.
 pub struct Run<'a> {
@@ -118,6 +120,9 @@ struct Walker<'a> {
     table: Extrapolation,
     room: Room,
     fired: usize,
+    /// Steps so far, and the times to which it ran.
+    steps: usize,
+    asked: usize,
 }
 
 /// Scratch of one evaluation.
@@ -160,6 +165,8 @@ impl<'a> Walker<'a> {
                 guard: vec![0.0; 1 + elements],
             },
             fired: 0,
+            steps: 0,
+            asked: 0,
         }
     }
 
@@ -241,7 +248,14 @@ impl<'a> Walker<'a> {
     fn advance(&mut self, wave: &Wave, end: f64) -> Result<()> {
         let mut after = vec![0.0; self.machine.nz];
         self.fired = 0;
+        self.asked += 1;
         while end - self.t > 1e-12 * self.dt {
+            self.steps += 1;
+            if self.steps > PATIENCE * (self.asked + 10) {
+                return Err(self.lost(
+                    "it is so stiff that it takes hundreds of steps from sample to sample; take other parameters",
+                ));
+            }
             let wanted = self.h.min(end - self.t);
             let (h, columns) = self.step(wave, wanted, &mut after);
             if !after.iter().all(|v| v.abs() < ESCAPED) {

@@ -13,7 +13,7 @@ use super::candidates::{Candidate, Place, inherited};
 use super::fit::{Effort, FINE, Fitted, Point, cost, homotopy, stage};
 use super::screen::{Finding, Screen, joined};
 use super::trial::{Attachment, Bench, Trial, descend, finish};
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// First steps of every candidate.
 const FIRST: Effort = Effort { iterations: 5, ftol: 1e-3 };
@@ -121,9 +121,17 @@ pub fn search(
         .map(|(name, place)| {
             bench.train.control.check()?;
             tell(&format!("{name}@{}", place.at), 1.0);
-            Runner::new(&screen, Candidate::new(base, name, place, step)?)
+            match Candidate::new(base, name, place, step) {
+                Ok(candidate) => Runner::new(&screen, candidate).map(Some),
+                // What is there already may rule it out: what a lag leaves depends on the motion and cannot be delayed.
+                Err(Error::Model { .. }) => Ok(None),
+                Err(e) => Err(e),
+            }
         })
-        .collect::<Result<_>>()?;
+        .collect::<Result<Vec<Option<Runner>>>>()?
+        .into_iter()
+        .flatten()
+        .collect();
     let pairs = pairs(&screen, &runners);
 
     runners.par_iter_mut().try_for_each(|r| r.first(bench, base))?;

@@ -64,6 +64,19 @@ def add_model(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Add how recordings are read in the terms of a model: `--columns` and `--dt`."""
+    parser.add_argument(
+        "--columns",
+        action="append",
+        default=[],
+        metavar="NAME=COLUMN,...",
+        help="names of the model and their columns in the files, such as q=qm,tau=u or "
+        '"theta=angle [deg]"; an empty right side: not recorded',
+    )
+    parser.add_argument("--dt", type=float, metavar="S", help="sampling period, s, for files without a time column")
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """The option `--json`."""
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on standard output")

@@ -39,15 +39,7 @@ def add(commands: common.Commands) -> None:
         metavar="RUN",
         help="a recording that is held out, to judge by; may be repeated",
     )
-    parser.add_argument(
-        "--columns",
-        action="append",
-        default=[],
-        metavar="NAME=COLUMN,...",
-        help="names of the model and their columns in the files, such as q=qm,tau=u or "
-        '"theta=angle [deg]"; an empty right side: not recorded',
-    )
-    parser.add_argument("--dt", type=float, metavar="S", help="sampling period, s, for files without a time column")
+    common.add_reading(parser)
     parser.add_argument("--candidates", metavar="NAME,...", help="effects to try (default: all of the library)")
     parser.add_argument(
         "--hold",

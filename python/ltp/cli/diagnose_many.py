@@ -34,10 +34,7 @@ def add(commands: common.Commands) -> None:
     parser.add_argument("folder", metavar="FOLDER", help="the folder with one folder per machine")
     parser.add_argument("--results", metavar="DIR", required=True, help="the folder that the diagnoses are written to")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes (default 1)")
-    parser.add_argument(
-        "--columns", action="append", default=[], metavar="NAME=COLUMN,...", help="as for `ltp diagnose`"
-    )
-    parser.add_argument("--dt", type=float, metavar="S", help="sampling period, s, for files without a time column")
+    common.add_reading(parser)
     parser.add_argument("--candidates", metavar="NAME,...", help="effects to try (default: all of the library)")
     parser.add_argument("--hold", choices=common.HOLDS, default="first-order", help="as for `ltp diagnose`")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of everything random (default 0)")

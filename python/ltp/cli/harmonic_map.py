@@ -35,14 +35,7 @@ def add(commands: common.Commands) -> None:
     parser.add_argument("runs", metavar="RUN", nargs="+", help="recordings (.csv .tsv .txt .npz .mat .json)")
     parser.add_argument("--harmonics", type=int, default=3, metavar="K", help="largest harmonic (default 3)")
     parser.add_argument("--band", type=float, metavar="HZ", help="largest input frequency, Hz (default: the input's)")
-    parser.add_argument(
-        "--columns",
-        action="append",
-        default=[],
-        metavar="NAME=COLUMN,...",
-        help="names of the model and their columns in the files, such as h=height; an empty right side: not recorded",
-    )
-    parser.add_argument("--dt", type=float, metavar="S", help="sampling period, s, for files without a time column")
+    common.add_reading(parser)
     parser.add_argument(
         "--hold",
         choices=common.HOLDS,

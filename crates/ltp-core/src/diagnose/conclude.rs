@@ -133,7 +133,9 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         traces: result::Traces { records, force: forces, law: drawn },
     };
     let others: Vec<&str> = model.ports();
-    if let Some(law) = diagnosis.law.as_ref().filter(|l| !diagnosis.location.iter().any(|place| place.at == l.at)) {
+    if let Some(law) =
+        diagnosis.law.as_ref().filter(|l| !diagnosis.location.iter().any(|p| p.kind == "port" && p.at == l.at))
+    {
         diagnosis.location.push(unmeasured("port".into(), law.at.clone()));
     }
     for l in &mut diagnosis.location {
@@ -186,7 +188,7 @@ fn places(
             let kind = library.get(name).map_or_else(|_| "port".into(), |e| e.on.clone());
             match &found {
                 Some(l) if l.kind == kind && l.at == *at => l.clone(),
-                _ if port == Some(at.as_str()) && !forces.is_empty() => {
+                _ if kind == "port" && port == Some(at.as_str()) && !forces.is_empty() => {
                     let (variable, p_value) = dependence::depends_on(forces, seed);
                     let repeats = dependence::repeats(forces, &variable);
                     let (mode, phases) = (occasions::mode(forces), occasions::phases(forces));

@@ -149,6 +149,7 @@ fn ranked(base: &Trial, round: &Round) -> Vec<Candidate> {
                 "set aside unfinished: its sum of squares stood {} above the best of those that were fitted to the end",
                 super::words::number(c - best)
             ),
+            (Why::RuledOut, _) => "what was found before leaves it nothing to act on".into(),
             _ => "it changes nothing along these recordings, or could not be simulated along them".into(),
         }),
     }));

@@ -74,6 +74,15 @@ pub enum Why {
     Behind,
     /// It changes nothing along these recordings, or could not be simulated along them.
     Nothing,
+    /// What was found before leaves it no place to act on.
+    RuledOut,
+}
+
+impl Aside {
+    fn ruled_out(name: &str, at: &str) -> Self {
+        let effect = (name.to_string(), at.to_string());
+        Self { effect, why: Why::RuledOut, cost: None, parameters: IndexMap::new() }
+    }
 }
 
 /// Two effects and what they promise together.
@@ -116,22 +125,26 @@ pub fn search(
         (bench.train.control.progress)(label, share.0 + (share.1 - share.0) * n.min(1.0) * part);
     };
     let step = bench.train.experiments[0].dt / bench.train.substeps as f64;
-    let mut runners: Vec<Runner> = jobs
+    let entered: Vec<std::result::Result<Runner, Aside>> = jobs
         .par_iter()
         .map(|(name, place)| {
             bench.train.control.check()?;
             tell(&format!("{name}@{}", place.at), 1.0);
             match Candidate::new(base, name, place, step) {
-                Ok(candidate) => Runner::new(&screen, candidate).map(Some),
-                // What is there already may rule it out: what a lag leaves depends on the motion and cannot be delayed.
-                Err(Error::Model { .. }) => Ok(None),
+                Ok(candidate) => Ok(Ok(Runner::new(&screen, candidate))),
+                // What a lag leaves depends on the motion, and cannot be delayed.
+                Err(Error::Model { .. }) => Ok(Err(Aside::ruled_out(name, &place.at))),
                 Err(e) => Err(e),
             }
         })
-        .collect::<Result<Vec<Option<Runner>>>>()?
-        .into_iter()
-        .flatten()
-        .collect();
+        .collect::<Result<_>>()?;
+    let (mut runners, mut ruled_out) = (Vec::new(), Vec::new());
+    for one in entered {
+        match one {
+            Ok(runner) => runners.push(runner),
+            Err(aside) => ruled_out.push(aside),
+        }
+    }
     let pairs = pairs(&screen, &runners);
 
     runners.par_iter_mut().try_for_each(|r| r.first(bench, base))?;
@@ -179,7 +192,7 @@ pub fn search(
     for (i, r) in runners.into_iter().enumerate() {
         if alive.contains(&i) { last.push(r) } else { others.push(r) }
     }
-    found.aside = others.into_iter().map(Runner::aside).collect();
+    found.aside = others.into_iter().map(Runner::aside).chain(ruled_out).collect();
     let trials = last.into_par_iter().map(|r| {
         let Some(fit) = r.fit else { return Ok(None) };
         finish(bench, r.candidate.made, fit, &base.test_x0).map(Some)
@@ -246,7 +259,7 @@ fn pairs(screen: &Screen<'_>, runners: &[Runner]) -> Vec<Pair> {
 }
 
 impl Runner {
-    fn new(screen: &Screen<'_>, candidate: Candidate) -> Result<Self> {
+    fn new(screen: &Screen<'_>, candidate: Candidate) -> Self {
         let mut findings: Vec<Finding> = Vec::new();
         if candidate.extends.is_none() {
             findings = candidate.probes.iter().filter_map(|p| screen.look(&candidate, p)).collect();
@@ -262,7 +275,7 @@ impl Runner {
         followed.extend(highest.filter(|i| !findings.is_empty() && !followed.contains(i)));
         let mut all: Vec<Option<Finding>> = findings.into_iter().map(Some).collect();
         let findings = followed.into_iter().filter_map(|i| all[i].take()).collect();
-        Ok(Self { candidate, findings, fit: None, imitated })
+        Self { candidate, findings, fit: None, imitated }
     }
 
     fn newest(&self) -> Attachment {
@@ -382,12 +395,12 @@ impl Runner {
         let beginning = Point { theta: stated, x0: bench.train_start.to_vec() };
         let start = joined(&self.candidate, bench.train, &beginning, &self.own_values());
         let subject = self.candidate.made.subject();
+        let tie = bench.train_ties.get(bench.train_ties.len() / 2).map_or(&[][..], Vec::as_slice);
         if everywhere {
             let fit = descend(bench, &subject, &[start], bench.train_ties)?;
             self.keep(fit);
         } else {
             bench.train.control.check()?;
-            let tie = bench.train_ties.get(bench.train_ties.len() / 2).map_or(&[][..], Vec::as_slice);
             let tied = homotopy(&subject, bench.train, &start, bench.train_start, tie);
             let agree = tied.as_ref().is_some_and(|t| (t.cost - so_far.cost).abs() <= AGREE * so_far.cost);
             self.keep(tied);
@@ -396,11 +409,11 @@ impl Runner {
             }
         }
         // The free fits may have lost what the test had seen: once more from there, tied.
-        let tie = bench.train_ties.get(bench.train_ties.len() / 2).map_or(&[][..], Vec::as_slice);
-        for seen in self.findings.iter().map(|f| f.start.theta[self.candidate.own[0]..].to_vec()).collect::<Vec<_>>() {
+        let seen =
+            |f: &Finding| joined(&self.candidate, bench.train, &beginning, &f.start.theta[self.candidate.own[0]..]);
+        for start in self.findings.iter().map(seen).collect::<Vec<_>>() {
             bench.train.control.check()?;
-            if self.fit.as_ref().is_some_and(|f| f.cost > ROUGH_LEFT * screen_samples(bench)) {
-                let start = joined(&self.candidate, bench.train, &beginning, &seen);
+            if self.cost().is_some_and(|c| c > ROUGH_LEFT * screen_samples(bench)) {
                 let fit = homotopy(&self.candidate.made.subject(), bench.train, &start, bench.train_start, tie);
                 self.keep(fit);
             }

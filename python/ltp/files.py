@@ -7,8 +7,9 @@ leaves either the old file or the new one, never half of one.
 from __future__ import annotations
 
 import contextlib
+import glob
 import os
-import tempfile
+import secrets
 from pathlib import Path
 
 from ltp._ltp import InputError
@@ -44,15 +45,14 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
     Raises `InputError` when the place cannot be written to.
     """
     target = check_writable(path)
+    # The name is known before the file is there: Ctrl-C at any moment finds what to remove.
+    temporary = target.parent / f".{target.name}.{secrets.token_hex(4)}.part"
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
         try:
-            with os.fdopen(handle, "wb") as stream:
+            with open(temporary, "xb") as stream:
                 stream.write(data)
-            # mkstemp gives 0600; a result file gets the permissions the user's umask asks for.
-            os.chmod(temporary, 0o666 & ~_umask())
             os.replace(temporary, target)
-        except BaseException:  # Ctrl-C included: the temporary file must not stay behind
+        except BaseException:
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(temporary)
             raise
@@ -60,6 +60,13 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
         reason = error.strerror or str(error)
         raise InputError(f"{target}: cannot write, {reason}; choose another place or free some space") from error
     return target
+
+
+def sweep(path: str | os.PathLike[str]) -> None:
+    """Remove what a kill in the middle of writing `path` left beside it."""
+    target = Path(path)
+    for left in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
+        left.unlink(missing_ok=True)
 
 
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
@@ -74,9 +81,3 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(f"{source}: cannot read, {reason}; check the file and its permissions") from error
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -19,7 +19,7 @@ import numpy as np
 
 from ltp._ltp import InputError
 from ltp.diagnose import Diagnosis
-from ltp.files import write_bytes, write_text
+from ltp.files import sweep, write_bytes, write_text
 
 _FORMAT = 1
 _ARRAY = "array:"  # stands, with its number, where an array was
@@ -69,8 +69,13 @@ class Store:
         write_text(self.path(name), json.dumps(tree) + "\n")
 
     def load(self, name: str, fingerprint: str) -> tuple[Diagnosis, float] | None:
-        """The diagnosis made from the same inputs and its seconds; None when there is none that can be read."""
+        """The diagnosis made from the same inputs and its seconds; None when there is none that can be read.
+
+        What a kill left half written for this job is removed.
+        """
         path = self.path(name)
+        sweep(path)
+        sweep(path.with_suffix(".npz"))
         try:
             tree = json.loads(path.read_text(encoding="utf-8"))
             if tree["format"] != _FORMAT or tree["job"] != name or tree["fingerprint"] != fingerprint:

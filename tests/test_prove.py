@@ -138,8 +138,8 @@ class TestMark:
 
     def test_a_parameter_that_is_off_is_named_by_the_verdict(self) -> None:
         off = Planted("parameter_error", "M_c", {"offset": 0.1})
-        moved = {"nominal": 0.57, "nominal_sd": 0.01, "before": 0.67, "after": 0.67, "sd": 0.001}
-        still = {"nominal": 0.21, "nominal_sd": 0.004, "before": 0.21, "after": 0.212, "sd": 0.001}
+        moved = {"nominal": 0.57, "nominal_sd": 0.01, "before": 0.67, "after": 0.67, "sd": 0.001, "away": 10.0}
+        still = {"nominal": 0.21, "nominal_sd": 0.004, "before": 0.21, "after": 0.212, "sd": 0.001, "away": 0.5}
         m = mark(label(off), said("parameter", parameters={"M_c": moved, "M_p": still}))
         assert m.top1 is True and m.answer == "parameter M_c"
 

@@ -118,7 +118,9 @@ class Candidate:
 class ParameterChange:
     """A nominal parameter as stated, refitted without the effect (`before`), and with it (`after`, with its `sd`).
 
-    Where `before` strays from `after`, the parameter had absorbed what the model left out.
+    Where `before` strays from `after`, the parameter had absorbed what the model left out. `away` is how far `after` is
+    from what was stated, in standard deviations of what the recordings can add to a true statement: above three the
+    statement is wrong.
     """
 
     nominal: float
@@ -127,6 +129,7 @@ class ParameterChange:
     after: float
     sd: float | None
     unit: str
+    away: float | None = None
 
 
 @dataclass(frozen=True)
@@ -405,6 +408,7 @@ def _change(tree: Mapping[str, Any]) -> ParameterChange:
         after=_number(tree["after"]),
         sd=tree.get("sd"),
         unit=tree["unit"],
+        away=tree.get("away"),
     )
 
 

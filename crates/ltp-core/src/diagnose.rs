@@ -4,7 +4,8 @@
 //! Read in order: `experiment` (a recording in the model's terms), `kalman`, `prepare` and `prepared` (sizes, noise, starts,
 //! observers), `fit` (the homotopy from prediction error to simulation error), `trial` (a fitted hypothesis), `hypothesis` and
 //! `locate` (at which port, sensor or input), `dependence` and `occasions` (on which variable, and when), `sizes`, `places` and
-//! `candidates` (every effect at every place), `screen` (the linearised test), `search` (successive halving), `score`, `judge` (ranking and acceptance), `forward` (several effects), `law`, `unknown`,
+//! `candidates` (every effect at every place), `screen` (the linearised test), `runner` (a candidate on its way), `search`
+//! (successive halving), `score`, `seen` and `judge` (ranking and acceptance), `forward` (several effects), `law`, `unknown`,
 //! `conclude` (the verdict), `report`, `words`, [`result`] (the noun).
 
 mod candidates;
@@ -27,9 +28,11 @@ mod prepared;
 pub mod quality;
 mod report;
 pub mod result;
+mod runner;
 mod score;
 mod screen;
 mod search;
+mod seen;
 mod sizes;
 mod trial;
 mod unknown;

@@ -133,13 +133,8 @@ def _ranked(result: Mapping[str, Any]) -> list[str]:
 
 
 def _moved(result: Mapping[str, Any]) -> list[str]:
-    """Parameters away from their stated values by more than three of their uncertainties, the furthest first."""
-
-    def sigmas(p: Mapping[str, Any]) -> float:
-        spread = float((p["nominal_sd"] ** 2 + (p["sd"] or 0.0) ** 2) ** 0.5) if "nominal_sd" in p else float(p["sd"])
-        return abs(p["after"] - p["nominal"]) / spread if spread > 0 else 0.0
-
-    far = {name: sigmas(p) for name, p in result["parameters"].items()}
+    """Parameters away from their stated values by more than three standard deviations, the furthest first."""
+    far = {name: float(p["away"] or 0.0) for name, p in result["parameters"].items()}
     return [name for name in sorted(far, key=lambda n: -far[n]) if far[name] > _MOVED]
 
 

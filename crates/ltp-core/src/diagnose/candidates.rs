@@ -7,7 +7,7 @@
 use indexmap::IndexMap;
 
 use super::experiment::{FINEST, STEPS_PER_TIME};
-use super::fit::Prior;
+use super::fit::{Point, Prior};
 use super::law::evaluate;
 use super::sizes::Sizes;
 use super::trial::{Made, Trial};
@@ -110,6 +110,13 @@ impl Candidate {
             wanted.clamp(bounds.0, bounds.1)
         };
         own.iter().enumerate().map(scaled).collect()
+    }
+
+    /// A point of the same effect at another place, within the bounds that this place sets.
+    pub fn clamped(&self, point: &Point) -> Point {
+        let bounded = |(v, prior): (&f64, &Prior)| v.clamp(prior.bounds.0, prior.bounds.1);
+        let theta = point.theta.iter().zip(&self.made.priors).map(bounded).collect();
+        Point { theta, x0: point.x0.clone() }
     }
 
     /// `effect@place` of the newest effect.

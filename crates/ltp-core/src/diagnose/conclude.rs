@@ -59,9 +59,9 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
     let after = if found { explained.last() } else { nominal };
     let shown = unnamed.as_ref().map_or(after, |u| &u.trial);
     let parameters = report::parameters(nominal, after);
-    let away = |p: &ParameterReport| (p.after - p.nominal).abs() / p.nominal_sd.hypot(p.sd);
+    let stated = |p: &ParameterReport| (p.after - p.nominal).abs() / p.nominal_sd;
     let moved: Vec<(String, f64)> =
-        parameters.iter().map(|(n, p)| (n.clone(), away(p))).filter(|(_, s)| *s > MOVED).collect();
+        parameters.iter().filter(|(_, p)| p.away > MOVED).map(|(n, p)| (n.clone(), stated(p))).collect();
     let near: Vec<String> = explained
         .rounds
         .iter()

@@ -7,7 +7,7 @@ use crate::model::{Model, System};
 use crate::signal::Recording;
 use crate::simulate::engine::{Engine, Settings};
 use crate::simulate::sensor::Sensor;
-use crate::simulate::{Hold, Inputs, Stop};
+use crate::simulate::{Event, Hold, Inputs, Stop};
 
 /// Asks long work to stop, and tells how far it is.
 pub struct Control<'a> {
@@ -161,11 +161,11 @@ fn finer(system: &dyn System, p: &[f64], step: f64) -> u64 {
 
 impl Run<'_> {
     /// Runs along the samples and calls `each(sample, outputs, derivatives)`; the derivatives `(ny, nx + nf)` by initial
-    /// state and free parameter are empty where not asked for.
+    /// state and free parameter are empty where not asked for. Returns the events on the way.
     ///
     /// # Errors
     /// The reason why the run ended early.
-    pub fn go(&self, derivatives: bool, each: &mut Each<'_>) -> std::result::Result<(), Stop> {
+    pub fn go(&self, derivatives: bool, each: &mut Each<'_>) -> std::result::Result<Vec<Event>, Stop> {
         let Run { system, p, x0, experiment: e, observer, control, .. } = *self;
         let substeps = self.substeps * finer(system, p, e.dt / self.substeps as f64);
         let (nx, nf, ny) = (system.states(), system.free().len(), e.ny);
@@ -207,7 +207,7 @@ impl Run<'_> {
             }
             engine.correct(&x, &s);
         }
-        Ok(())
+        Ok(engine.into_events())
     }
 
     /// Outputs (n, ny) of the run; `None` where it ended early or left the finite numbers.

@@ -60,7 +60,7 @@ pub struct Ground<'a> {
     pub sigma: &'a [f64],
     /// Steps per sample.
     pub substeps: u64,
-    /// Natural size of each state.
+    /// Natural size of each state; zero where it starts from what is known and nothing else.
     pub state_scale: &'a [f64],
     /// To stop early.
     pub control: &'a Control<'a>,
@@ -196,8 +196,8 @@ impl Problem<'_> {
                     let Some(rows) = rows.as_deref_mut() else { continue };
                     row.fill(0.0);
                     let d = &dy[j * ns..(j + 1) * ns];
-                    for (to, from) in row[first..first + nx].iter_mut().zip(d) {
-                        *to = from / sigma[j];
+                    for (i, (to, from)) in row[first..first + nx].iter_mut().zip(d).enumerate() {
+                        *to = if self.is_held(i) { 0.0 } else { from / sigma[j] };
                     }
                     for ((to, from), slope) in row[..np].iter_mut().zip(&d[nx..]).zip(&slope) {
                         *to = from * slope / sigma[j];
@@ -237,10 +237,16 @@ impl Problem<'_> {
         for (r, mean) in self.prior_x0.iter().enumerate() {
             for i in 0..nx {
                 let at = np + r * nx + i;
-                prior(at, z[at], 1.0, mean.get(i).copied().unwrap_or(initial[i]), self.state_size(i));
+                let sd = if self.is_held(i) { 1.0 } else { self.state_size(i) };
+                prior(at, z[at], 1.0, mean.get(i).copied().unwrap_or(initial[i]), sd);
             }
         }
         cost
+    }
+
+    /// Whether a state starts from what is known: a foot a millionth of a noise above the ground is not on it.
+    fn is_held(&self, i: usize) -> bool {
+        self.state_size(i) == 0.0
     }
 
     /// Natural size of a state, those of effects after the model's own.
@@ -287,7 +293,12 @@ pub fn stage(
         settings.scale[i] = p.scale / p.slope(p.mean).abs();
     }
     for i in np..z.len() {
-        settings.scale[i] = problem.state_size((i - np) % nx);
+        let (record, state) = ((i - np) / nx, (i - np) % nx);
+        settings.scale[i] = problem.state_size(state);
+        if problem.is_held(state) {
+            let known = prior_x0[record][state];
+            (settings.lower[i], settings.upper[i]) = (known, known);
+        }
     }
     let fit = lsq::minimise(&mut problem, &z, &settings);
     if !fit.cost.is_finite() {

@@ -6,7 +6,9 @@ use rayon::prelude::*;
 use super::candidates::Place;
 use super::fit::{FINE, Ground, Point, stage};
 use super::judge::{self, Evidence, Halves, Ranking};
-use super::search::{Aside, Found, Pair, search};
+use super::runner::Aside;
+use super::search::{Found, LONG, Pair, search};
+use super::seen::doubt;
 use super::trial::{Attachment, Bench, Made, Trial, finish, label};
 use crate::error::Result;
 use crate::model::System;
@@ -15,14 +17,16 @@ use crate::model::System;
 const MOST: usize = 3;
 /// Mean square residual in units of noise up to which nothing is left to explain.
 const EXPLAINED: f64 = 1.10;
-/// Share of the nominal structural error that a further effect must remove.
+/// Share of the nominal structural error that a further effect must remove, unless nothing is left to explain with it.
 const WORTHWHILE: f64 = 0.02;
 /// Energy over that of the fit before it up to which the last fit stands.
 const AS_GOOD: f64 = 1.1;
 /// How much finer the steps of the last fit are.
 const FINER: u64 = 2;
+/// Other first effects that are followed where the best one leads nowhere.
+const OTHERS: usize = 3;
 /// Pairs that are tried where no single effect is accepted.
-const PAIRS: usize = 4;
+const PAIRS: usize = 8;
 
 /// One round of the search: what was added to the hypothesis so far, and what else was tried.
 pub struct Round {
@@ -97,7 +101,7 @@ pub fn explain(
             jobs.iter().filter(|(n, p)| !onto.iter().any(|(e, at)| e == n && *at == p.at)).cloned().collect();
         let share = if round == 0 { (0.2, 0.75) } else { (0.75, 0.9) };
         let found = search(bench, out.last(), &open, share, round == 0)?;
-        let mut next = judged(bench, out.last(), found, onto, halves, open.len())?;
+        let mut next = judged(bench, out.last(), found, onto, halves, &open)?;
         if next.round.accepted.is_none() && round == 0 {
             let hope = left(out.last(), outputs) > EXPLAINED;
             if let Some(pair) = if hope { both(bench, out.last(), &open, &next, halves)? } else { None } {
@@ -106,13 +110,14 @@ pub fn explain(
         }
         let (accepted, evidence) = (next.round.accepted, next.round.evidence);
         if let (Some(w), Some(e), None) = (next.winner, evidence, accepted) {
-            let told = if round == 0 { e.refusal(&next.round.trials[w].label()) } else { None };
-            warnings.extend(told);
+            let t = &next.round.trials[w];
+            warnings.extend(e.refusal(&t.label(), t.doubt.as_ref()).filter(|_| round == 0));
         }
         let before = out.last().residuals.structural(&out.last().residuals.train);
         let worth = accepted.is_some_and(|i| {
-            let r = &next.round.trials[i].residuals;
-            round == 0 || before - r.structural(&r.train) > WORTHWHILE * original
+            let t = &next.round.trials[i];
+            let much = before - t.residuals.structural(&t.residuals.train) > WORTHWHILE * original;
+            round == 0 || much || left(t, outputs) <= EXPLAINED
         });
         if !worth {
             next.round.accepted = None;
@@ -133,6 +138,9 @@ pub fn explain(
             break;
         }
     }
+    if out.found() && left(out.last(), outputs) > EXPLAINED && bench.samples() < LONG {
+        reconsidered(bench, &mut out, jobs, halves)?;
+    }
     out.shares = shares(bench, &out)?;
     if out.found()
         && let Some(exact) = polished(bench, out.last())?
@@ -140,6 +148,53 @@ pub fn explain(
         out.pruned = Some(exact);
     }
     Ok(out)
+}
+
+/// The effect that explains most by itself may be the wrong half of two: where much is left with it, those that came after it
+/// are followed by a step, and one that leads to a decisively better end takes its place.
+fn reconsidered(
+    bench: &Bench<'_>,
+    out: &mut Explained,
+    jobs: &[(String, Place)],
+    halves: Option<&Halves>,
+) -> Result<()> {
+    let Some(first) = out.rounds.first() else { return Ok(()) };
+    let follow = |i: &usize| {
+        let t = &first.trials[*i];
+        let better = first.ranking.score(Some(*i)) < first.ranking.score(None) - judge::APART;
+        first.accepted != Some(*i) && t.made.effects.len() == 1 && t.doubt.is_none() && t.fit.converged && better
+    };
+    let mut ends: Vec<(usize, Round, usize)> = Vec::new();
+    for i in first.ranking.order.iter().filter_map(|(i, _)| *i).filter(follow).take(OTHERS) {
+        let base = &first.trials[i];
+        let open: Vec<(String, Place)> = jobs
+            .iter()
+            .filter(|(n, p)| !base.made.effects.iter().any(|(e, at)| e == n && *at == p.at))
+            .cloned()
+            .collect();
+        let found = search(bench, base, &open, (0.9, 0.9), false)?;
+        let round = judged(bench, base, found, base.made.effects.clone(), halves, &open)?.round;
+        if let Some(k) = round.accepted
+            && judge::weigh(bench, &out.nominal, &round.trials[k], halves, jobs.len())?.accepted()
+        {
+            ends.push((i, round, k));
+        }
+    }
+    let ranking = judge::rank(out.last(), ends.iter().map(|(_, round, k)| &round.trials[*k]));
+    let Some(best) = ranking.order.first().and_then(|(i, _)| *i) else { return Ok(()) };
+    if ranking.score(None) - ranking.score(Some(best)) < judge::APART {
+        return Ok(());
+    }
+    let as_good = |n: &usize| *n != best && ranking.score(Some(*n)) - ranking.score(Some(best)) < judge::APART;
+    let near = (0..ends.len()).filter(as_good).map(|n| ends[n].0).collect();
+    let (i, second, _) = ends.swap_remove(best);
+    out.pruned = None;
+    out.rounds.truncate(1);
+    let evidence = judge::weigh(bench, &out.nominal, &out.rounds[0].trials[i], halves, jobs.len())?;
+    let first = &mut out.rounds[0];
+    (first.accepted, first.evidence, first.near) = (Some(i), Some(evidence), near);
+    out.rounds.push(second);
+    Ok(())
 }
 
 /// A hypothesis fitted once more with steps half as long, from where it stood: an error of the engine that is far below the
@@ -175,13 +230,17 @@ fn judged(
     found: Found,
     onto: Vec<Attachment>,
     halves: Option<&Halves>,
-    tried: usize,
+    jobs: &[(String, Place)],
 ) -> Result<Judged> {
-    let Found { trials, aside, pairs } = found;
+    let Found { mut trials, aside, pairs } = found;
+    trials.par_iter_mut().try_for_each(|t| {
+        t.doubt = doubt(bench, t, onto.len(), jobs)?;
+        Ok(())
+    })?;
     let ranking = judge::rank(base, &trials);
     let winner = ranking.winner(&trials);
     let evidence = match winner {
-        Some(w) => Some(judge::weigh(bench, base, &trials[w], halves, tried)?),
+        Some(w) => Some(judge::weigh(bench, base, &trials[w], halves, jobs.len())?),
         None => None,
     };
     let accepted = winner.filter(|_| evidence.is_some_and(|e| e.accepted()));
@@ -212,7 +271,10 @@ fn both(
             Ok(search(bench, &a, &[second], (0.75, 0.75), false)?.trials)
         })
         .collect::<Result<_>>()?;
-    let trials: Vec<Trial> = fitted.into_iter().flatten().collect();
+    let mut trials: Vec<Trial> = fitted.into_iter().flatten().collect();
+    for t in &mut trials {
+        t.doubt = doubt(bench, t, base.made.effects.len(), jobs)?;
+    }
     if trials.is_empty() {
         return Ok(None);
     }
@@ -234,8 +296,7 @@ fn pruned(bench: &Bench<'_>, full_set: &Trial) -> Result<Option<Trial>> {
         let Some(less) = without(bench, full_set, k)? else { continue };
         let pair = [less];
         let ranking = judge::rank(full_set, &pair);
-        let score = |who: Option<usize>| ranking.order.iter().find(|(i, _)| *i == who).map_or(f64::INFINITY, |o| o.1);
-        if score(Some(0)) - score(None) < judge::APART {
+        if ranking.score(Some(0)) - ranking.score(None) < judge::APART {
             let [less] = pair;
             return Ok(Some(less));
         }

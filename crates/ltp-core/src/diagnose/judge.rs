@@ -3,11 +3,14 @@
 use super::fit::{FINE, Ground, Point, full, stage};
 use super::prepare::Ties;
 use super::score::Residuals;
+use super::seen::Doubt;
 use super::trial::{Attachment, Bench, Trial, starts, widened};
 use crate::error::Result;
 
 /// Deviance within which two candidates count as the same answer.
 pub const APART: f64 = 10.0;
+/// Deviance within which chance decides which of two fits better.
+const EQUAL: f64 = 2.0;
 /// Share of the structural error that a named effect must remove where it was not fitted.
 const MATERIAL: f64 = 0.25;
 /// Energy beyond noise, as a share of that of the noise, below which no share of it can be measured: an error of 1.1 floors, as
@@ -27,10 +30,10 @@ pub struct Ranking {
 /// The hypothesis so far stands among those that add an effect to it.
 ///
 /// BIC on the train records plus deviance on the held-out ones, of residuals whitened by one common filter.
-pub fn rank(base: &Trial, trials: &[Trial]) -> Ranking {
+pub fn rank<'t>(base: &'t Trial, trials: impl IntoIterator<Item = &'t Trial>) -> Ranking {
     let white = |t: &Trial| t.residuals.deviance(&t.residuals.train) + t.residuals.deviance(&t.residuals.test);
     let runs: Vec<(Option<usize>, &Trial)> = std::iter::once((None, base))
-        .chain(trials.iter().enumerate().map(|(i, t)| (Some(i), t)))
+        .chain(trials.into_iter().enumerate().map(|(i, t)| (Some(i), t)))
         .filter(|(_, t)| t.residuals.complete())
         .collect();
     let reference = runs.iter().min_by(|a, b| white(a.1).total_cmp(&white(b.1))).map_or(base, |r| r.1);
@@ -55,14 +58,26 @@ impl Ranking {
         let ready = |i: &usize| trials[*i].fit.converged;
         let first = self.order.iter().filter_map(|(i, _)| *i).find(ready);
         let mut best = first.or_else(|| self.order.iter().find_map(|(i, _)| *i))?;
+        // Where chance decides the order, the simplest comes first.
+        let as_good = |(i, s): &(Option<usize>, f64)| i.filter(|i| ready(i) && *s - self.score(Some(best)) < EQUAL);
+        if let Some(simplest) = self.order.iter().filter_map(as_good).min_by_key(|&i| simplicity(&trials[i])) {
+            best = simplest;
+        }
+        // A name that the recordings do not show gives way to one that fits as well.
+        if trials[best].doubt.is_some() {
+            let top = self.score(Some(best));
+            let shown = |(i, s): &(Option<usize>, f64)| i.filter(|&i| trials[i].doubt.is_none() && s - top < APART);
+            best = self.order.iter().find_map(shown).unwrap_or(best);
+        }
         while let Some(simple) = self.simpler(trials, best) {
             best = simple;
         }
         Some(best)
     }
 
-    fn score(&self, trial: usize) -> f64 {
-        self.order.iter().find(|(i, _)| *i == Some(trial)).map_or(f64::INFINITY, |(_, s)| *s)
+    /// Score of a trial, or of none.
+    pub fn score(&self, trial: Option<usize>) -> f64 {
+        self.order.iter().find(|(i, _)| *i == trial).map_or(f64::INFINITY, |(_, s)| *s)
     }
 
     /// The simpler member that should be named instead of a richer one, if it should.
@@ -71,10 +86,10 @@ impl Ranking {
         let effect = trials[rich].made.model.library().get(name).ok()?;
         let base = effect.extends.as_ref()?;
         let simple = trials.iter().position(|t| t.made.effects.last().is_some_and(|(e, p)| e == base && p == at))?;
-        if !self.score(simple).is_finite() {
+        if !self.score(Some(simple)).is_finite() {
             return None;
         }
-        let wins = self.score(simple) - self.score(rich) > APART;
+        let wins = self.score(Some(simple)) - self.score(Some(rich)) > APART;
         let p = trials[rich].effect_parameters(trials[rich].made.effects.len() - 1);
         // `a - b` of two parameters against `b`.
         let material = effect.excess.as_deref().and_then(|e| e.split_once('-')).is_none_or(|(a, b)| {
@@ -92,16 +107,27 @@ impl Ranking {
             let effect = trials[i].made.model.library().get(name).ok()?;
             Some((effect.extends.clone().unwrap_or_else(|| name.clone()), at.clone()))
         };
-        let best = self.score(winner);
+        let best = self.score(Some(winner));
         let near = self.order.iter().filter_map(|(i, s)| i.filter(|_| *s - best < APART));
-        near.filter(|&i| i != winner && (family(i) != family(winner) || best - self.score(i) > APART)).collect()
+        near.filter(|&i| {
+            i != winner
+                && trials[i].doubt.is_none()
+                && (family(i) != family(winner) || best - self.score(Some(i)) > APART)
+        })
+        .collect()
     }
 
     /// Distance of each entry to the winner.
     pub fn relative(&self, winner: Option<usize>) -> Vec<(Option<usize>, f64)> {
-        let best = winner.map_or(self.order.first().map_or(0.0, |o| o.1), |w| self.score(w));
+        let best = winner.map_or(self.order.first().map_or(0.0, |o| o.1), |w| self.score(Some(w)));
         self.order.iter().map(|(i, s)| (*i, s - best)).collect()
     }
+}
+
+/// How much an effect's document says: parameters, states and corners.
+fn simplicity(t: &Trial) -> usize {
+    let newest = t.made.effects.last().and_then(|(name, _)| t.made.model.library().get(name).ok());
+    newest.map_or(0, |e| e.parameters.len() + e.states.len() + e.corners.len())
 }
 
 /// Why an effect is accepted or not: every test with its number.
@@ -125,12 +151,14 @@ pub struct Evidence {
     /// Whether what is unexplained is so far below the noise, on the train and on the held-out records, that no share of it can
     /// be measured: then the likelihood of records that were not fitted decides.
     pub faint: (bool, bool),
+    /// Whether the recordings show what its name says.
+    pub shown: bool,
 }
 
 impl Evidence {
-    /// Whether the effect is real, predicts, and matters, and its size is told from zero.
+    /// Whether the effect is real, predicts, and matters, its size is told from zero, and it is shown.
     pub fn accepted(&self) -> bool {
-        self.explains() && self.sized >= SIZED
+        self.explains() && self.sized >= SIZED && self.shown
     }
 
     /// Whether it is real, predicts, and matters: all that can be asked of a law in many coefficients that share its size.
@@ -144,7 +172,7 @@ impl Evidence {
     }
 
     /// What speaks for an effect that was not accepted, and what against it; `None` where little speaks for it.
-    pub fn refusal(&self, label: &str) -> Option<String> {
+    pub fn refusal(&self, label: &str, doubt: Option<&Doubt>) -> Option<String> {
         let percent = |v: f64| format!("{:.0} %", 100.0 * v);
         let number = super::words::number;
         let tests = [
@@ -182,6 +210,7 @@ impl Evidence {
                 ),
             ),
             (self.sized < SIZED, "its size is not told from zero".to_string()),
+            (!self.shown, doubt.map_or(String::new(), Doubt::words)),
         ];
         let against: Vec<String> = tests.into_iter().filter(|(fails, _)| *fails).map(|(_, text)| text).collect();
         (self.gain > self.threshold && self.share >= 0.1 && !against.is_empty()).then(|| {
@@ -223,6 +252,7 @@ pub fn weigh(
         threshold: 12.0 + 2.0 * (library.max(1) as f64).ln(),
         sized: sized(trial, nominal.made.effects.len())?,
         faint: (faint(a, &a.train), halves.is_none() && faint(a, &a.test)),
+        shown: trial.doubt.is_none(),
     })
 }
 

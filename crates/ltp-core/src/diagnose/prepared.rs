@@ -14,9 +14,6 @@ const BANDWIDTHS: [f64; 3] = [2.0, 1.0, 0.5];
 /// Integration error, in units of noise, above which a reader must be told.
 const COARSE: f64 = 0.3;
 
-/// Freedom at the start, in its size, of a state that the starting mode holds.
-const HELD: f64 = 1e-6;
-
 /// What every fit starts from.
 pub struct Prepared {
     /// Train records.
@@ -64,7 +61,7 @@ impl Prepared {
             ));
         }
         let (train_ties, test_ties, period) = (Vec::new(), Vec::new(), system.period(&stated));
-        let freedom = |(s, held): (&f64, bool)| if held { HELD * s } else { *s };
+        let freedom = |(s, held): (&f64, bool)| if held { 0.0 } else { *s };
         let start_scale = scene.state_scale.iter().zip(model.held_at_start()).map(freedom).collect();
         let mut p =
             Self { train, test, scene, substeps, start_scale, engine_error, stated, period, train_ties, test_ties };

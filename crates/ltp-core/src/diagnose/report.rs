@@ -7,11 +7,14 @@ use super::fit::{Ground, full};
 use super::forward::{Explained, Round};
 use super::law::LawFunction;
 use super::result::{Absorbed, Candidate, Estimate, FitReport, FitRow, Law, NamedEffect, ParameterReport, RecordTrace};
-use super::search::{Aside, Why};
+use super::runner::{Aside, Why};
 use super::trial::Trial;
 use crate::error::Result;
 use crate::model::{Model, System};
 use crate::numeric::stats;
+
+/// Least share of a stated uncertainty that recordings are held to resolve.
+const LEARNED: f64 = 0.5;
 
 /// Standard deviations by which a parameter must move to count as having soaked something up.
 const SOAKED: f64 = 3.0;
@@ -121,7 +124,10 @@ fn ranked(base: &Trial, round: &Round) -> Vec<Candidate> {
             held_out: t.residuals.complete().then(|| t.residuals.deviance(&t.residuals.test) - own_deviance),
             converged: t.fit.converged,
             parameters: if newest(t).is_some() { t.effect_parameters(added) } else { IndexMap::new() },
-            note: (!t.residuals.complete()).then(|| "could not be simulated along every record".into()),
+            note: match (t.residuals.complete(), &t.doubt) {
+                (false, _) => Some("could not be simulated along every record".into()),
+                (true, doubt) => doubt.as_ref().map(|d| format!("not named: {}", d.words())),
+            },
         }
     };
     let order = round.ranking.relative(round.accepted);
@@ -203,12 +209,16 @@ pub fn parameters(nominal: &Trial, after: &Trial) -> IndexMap<String, ParameterR
         .filter(|(k, _)| *k < nominal.made.priors.len())
         .map(|(k, &i)| {
             let info = &nominal.made.model.parameters()[i];
+            let (stated, value) = (info.sd.unwrap_or(f64::NAN), after.fit.point.theta[k]);
+            // What is stated takes part in the fit: where it is right, the fit stays within what the recordings add to it.
+            let learned = (stated.powi(2) - sd[k].powi(2)).max(0.0).sqrt().max(LEARNED * stated);
             let report = ParameterReport {
                 nominal: info.value,
-                nominal_sd: info.sd.unwrap_or(f64::NAN),
+                nominal_sd: stated,
                 before: nominal.fit.point.theta[k],
-                after: after.fit.point.theta[k],
+                after: value,
                 sd: sd[k],
+                away: (value - info.value).abs() / learned,
                 unit: info.unit.clone().unwrap_or_else(|| "1".into()),
             };
             (info.name.clone(), report)

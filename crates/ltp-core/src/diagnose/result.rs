@@ -132,6 +132,9 @@ pub struct ParameterReport {
     pub after: f64,
     /// Standard deviation of the last value.
     pub sd: f64,
+    /// How far the last value is from the stated one, in standard deviations of what the recordings can add to a true
+    /// statement; above three the statement is wrong.
+    pub away: f64,
     /// Unit.
     pub unit: String,
 }

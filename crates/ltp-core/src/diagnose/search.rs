@@ -9,39 +9,27 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use indexmap::IndexMap;
 use rayon::prelude::*;
 
-use super::candidates::{Candidate, Place, inherited};
-use super::fit::{Effort, FINE, Fitted, Point, cost, homotopy, stage};
-use super::screen::{Finding, Screen, joined};
-use super::trial::{Attachment, Bench, Trial, descend, finish};
+use super::candidates::{Candidate, Place};
+use super::fit::Point;
+use super::runner::{Aside, ROUGH_LEFT, Runner, SECOND};
+use super::screen::{Finding, Screen};
+use super::trial::{Attachment, Bench, Trial, finish};
 use crate::error::{Error, Result};
+use crate::model::System;
 
-/// First steps of every candidate.
-const FIRST: Effort = Effort { iterations: 5, ftol: 1e-3 };
-/// Further steps of those that may win.
-const SECOND: Effort = Effort { iterations: 12, ftol: 1e-4 };
-/// Ways of looking at a candidate that are followed.
-const FOLLOWED: usize = 3;
-/// Share of the best look's gain that another one must promise to be followed too.
-const ALSO: f64 = 0.4;
-/// Share of the cost that a look must promise for its point to be tried though it is worse than nothing.
-const PROMISING: f64 = 0.03;
-/// Sizes of an effect that are tried instead of one that makes matters worse.
-const SMALLER: [f64; 7] = [0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4];
+/// Candidates that show the others where to begin.
+const GIVERS: usize = 3;
 /// Candidates that go on after the first steps, and after the second.
 const LEADERS: usize = 12;
 const FINALISTS: usize = 6;
 /// Distance in cost within which a candidate goes on in any case, and the share of the best one's gain.
 const NEAR: [(f64, f64); 2] = [(40.0, 0.5), (30.0, 0.1)];
 /// Samples from which records count as long: then fewer fits are begun anew.
-const LONG: f64 = 20_000.0;
+pub const LONG: f64 = 20_000.0;
 /// Share of the cost without an effect below which a candidate has come some way.
 const STIRRED: f64 = 0.97;
 /// Mean square residual in units of noise below which a candidate explains everything.
 const REACHED: f64 = 1.08;
-/// Mean square residual in units of noise above which finalists are looked for from every start.
-const ROUGH_LEFT: f64 = 1.3;
-/// Relative difference of cost below which two fits ended in the same valley.
-const AGREE: f64 = 1e-3;
 
 /// What became of all candidates.
 pub struct Found {
@@ -53,38 +41,6 @@ pub struct Found {
     pub pairs: Vec<Pair>,
 }
 
-/// A candidate that was not fitted to the end.
-pub struct Aside {
-    /// Effect and place.
-    pub effect: Attachment,
-    /// Why.
-    pub why: Why,
-    /// Cost where it was left.
-    pub cost: Option<f64>,
-    /// Its own parameters there.
-    pub parameters: IndexMap<String, f64>,
-}
-
-/// Why a candidate was not fitted to the end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Why {
-    /// What is fitted already can do the same.
-    Imitated,
-    /// Others fit far better.
-    Behind,
-    /// It changes nothing along these recordings, or could not be simulated along them.
-    Nothing,
-    /// What was found before leaves it no place to act on.
-    RuledOut,
-}
-
-impl Aside {
-    fn ruled_out(name: &str, at: &str) -> Self {
-        let effect = (name.to_string(), at.to_string());
-        Self { effect, why: Why::RuledOut, cost: None, parameters: IndexMap::new() }
-    }
-}
-
 /// Two effects and what they promise together.
 #[derive(Clone, Debug)]
 pub struct Pair {
@@ -94,14 +50,6 @@ pub struct Pair {
     pub together: f64,
     /// Larger of their single gains.
     pub alone: f64,
-}
-
-/// A candidate on its way.
-struct Runner {
-    candidate: Candidate,
-    findings: Vec<Finding>,
-    fit: Option<Fitted>,
-    imitated: bool,
 }
 
 /// Adds every effect at every place to a fitted hypothesis. With `thorough`, the best are looked for by every observer while
@@ -153,23 +101,28 @@ pub fn search(
         runners.iter().filter_map(|r| Some((r.newest(), (r.base_point()?, r.own_parameters())))).collect();
     runners.par_iter_mut().filter(|r| r.candidate.extends.is_some()).try_for_each(|r| r.inherit(bench, &simple))?;
 
-    let samples: f64 = screen_samples(bench);
+    let samples: f64 = bench.samples();
     let zero = (base.fit.cost, samples);
     let mut alive = best(&runners, zero, NEAR[0], LEADERS);
     chosen(&mut runners, &alive).into_par_iter().try_for_each(|r| {
         tell(&r.candidate.label(), 1.0);
         r.more(bench, SECOND)
     })?;
-    let unexplained = |runners: &[Runner]| {
-        runners.iter().filter_map(Runner::cost).fold(f64::INFINITY, f64::min) > ROUGH_LEFT * samples
-    };
+    let lowest = |runners: &[Runner]| runners.iter().filter_map(Runner::cost).fold(f64::INFINITY, f64::min);
+    let explained = |runners: &[Runner]| lowest(runners) < REACHED * samples;
+    let unexplained = |runners: &[Runner]| lowest(runners) > ROUGH_LEFT * samples;
+    if !explained(&runners) && samples < LONG {
+        // Nobody explains all of it yet: there are other points to begin from.
+        runners.par_iter_mut().try_for_each(|r| r.spare(bench, base))?;
+    }
     if unexplained(&runners) && samples < LONG {
-        // Nobody explains it yet: whoever has come any way at all may only be slow.
+        // Nobody explains much of it: whoever has come any way at all may only be slow.
         let slow: Vec<usize> = (0..runners.len())
             .filter(|i| !alive.contains(i) && runners[*i].cost().is_some_and(|c| c < STIRRED * zero.0))
             .collect();
         chosen(&mut runners, &slow).into_par_iter().try_for_each(|r| r.more(bench, SECOND))?;
     }
+    hand_on(bench, base, &mut runners)?;
     alive = best(&runners, zero, NEAR[1], FINALISTS);
     let lost = thorough && unexplained(&runners);
     if lost {
@@ -201,11 +154,6 @@ pub fn search(
     Ok(found)
 }
 
-/// Number of measured samples.
-fn screen_samples(bench: &Bench<'_>) -> f64 {
-    bench.train.experiments.iter().map(|e| e.y.iter().filter(|v| v.is_finite()).count() as f64).sum()
-}
-
 /// The runners that go on: those near the best and the first few, with the simpler laws that they contain.
 fn best(runners: &[Runner], (zero, samples): (f64, f64), near: (f64, f64), few: usize) -> Vec<usize> {
     let mut order: Vec<(usize, f64)> = runners.iter().enumerate().filter_map(|(i, r)| Some((i, r.cost()?))).collect();
@@ -235,6 +183,40 @@ fn best(runners: &[Runner], (zero, samples): (f64, f64), near: (f64, f64), few: 
     out
 }
 
+/// Those that have come far show the others where to begin: the same effect at another place goes on from the leader's numbers,
+/// and everybody else from where the leader has put what was fitted before.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+fn hand_on(bench: &Bench<'_>, base: &Trial, runners: &mut [Runner]) -> Result<()> {
+    let (stirred, states) = (STIRRED * base.fit.cost, base.made.system.states());
+    let mut order: Vec<(usize, f64)> = runners.iter().enumerate().filter_map(|(i, r)| Some((i, r.cost()?))).collect();
+    order.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let leaders: Vec<(Attachment, f64, Point)> = order
+        .iter()
+        .take(GIVERS)
+        .filter(|(_, c)| *c < stirred)
+        .filter_map(|(i, c)| Some((runners[*i].newest(), *c, runners[*i].fit.as_ref()?.point.clone())))
+        .collect();
+    runners.par_iter_mut().filter(|r| !r.imitated).try_for_each(|r| {
+        let (name, at) = r.newest();
+        for ((effect, place), _, point) in &leaders {
+            bench.train.control.check()?;
+            if *effect == name && *place != at {
+                r.from(bench, r.candidate.clamped(point));
+            }
+        }
+        let Some(cost) = r.cost().filter(|c| *c < stirred) else { return Ok(()) };
+        let ahead = leaders.iter().filter(|(_, c, _)| cost > c + NEAR[0].0);
+        let bases: Vec<Point> = ahead.map(|(_, _, point)| r.cut(point, states)).collect();
+        if !bases.is_empty() {
+            let start = r.best_beside(bench, &bases, states);
+            r.from(bench, start);
+        }
+        Ok(())
+    })
+}
+
 fn chosen<'r>(runners: &'r mut [Runner], which: &[usize]) -> Vec<&'r mut Runner> {
     runners.iter_mut().enumerate().filter(|(i, _)| which.contains(i)).map(|(_, r)| r).collect()
 }
@@ -244,7 +226,7 @@ fn pairs(screen: &Screen<'_>, runners: &[Runner]) -> Vec<Pair> {
     let top: Vec<(&Runner, &Finding)> = runners
         .iter()
         .filter(|r| !r.imitated && r.candidate.extends.is_none())
-        .filter_map(|r| r.findings.first().map(|f| (r, f)))
+        .filter_map(|r| r.best_finding().map(|f| (r, f)))
         .collect();
     let mut out = Vec::new();
     for (i, (a, fa)) in top.iter().enumerate() {
@@ -256,180 +238,4 @@ fn pairs(screen: &Screen<'_>, runners: &[Runner]) -> Vec<Pair> {
     }
     out.sort_by(|a, b| b.together.total_cmp(&a.together));
     out
-}
-
-impl Runner {
-    fn new(screen: &Screen<'_>, candidate: Candidate) -> Self {
-        let mut findings: Vec<Finding> = Vec::new();
-        if candidate.extends.is_none() {
-            findings = candidate.probes.iter().filter_map(|p| screen.look(&candidate, p)).collect();
-        }
-        let imitated = !findings.is_empty() && findings.iter().all(|f| f.imitated);
-        // The wave that stands highest in the missing force is followed whatever the linearised test makes of it.
-        let highest = candidate.probes.first().filter(|p| p.wave.is_some()).map(|_| 0);
-        let mut order: Vec<usize> = (0..findings.len()).collect();
-        order.sort_by(|a, b| findings[*b].gain.total_cmp(&findings[*a].gain));
-        let promised = order.first().map_or(0.0, |i| findings[*i].gain);
-        let mut followed: Vec<usize> =
-            order.into_iter().take(FOLLOWED).filter(|i| findings[*i].gain >= ALSO * promised).collect();
-        followed.extend(highest.filter(|i| !findings.is_empty() && !followed.contains(i)));
-        let mut all: Vec<Option<Finding>> = findings.into_iter().map(Some).collect();
-        let findings = followed.into_iter().filter_map(|i| all[i].take()).collect();
-        Self { candidate, findings, fit: None, imitated }
-    }
-
-    fn newest(&self) -> Attachment {
-        self.candidate.made.effects.last().cloned().unwrap_or_default()
-    }
-
-    fn cost(&self) -> Option<f64> {
-        self.fit.as_ref().map(|f| f.cost)
-    }
-
-    /// Where the hypothesis so far stands in this fit, with all states.
-    fn base_point(&self) -> Option<Point> {
-        let f = self.fit.as_ref()?;
-        let theta = f.point.theta[..self.candidate.own[0]].to_vec();
-        Some(Point { theta, x0: f.point.x0.clone() })
-    }
-
-    fn own_values(&self) -> Vec<f64> {
-        self.fit.as_ref().map_or(Vec::new(), |f| self.candidate.own.iter().map(|k| f.point.theta[*k]).collect())
-    }
-
-    fn own_parameters(&self) -> IndexMap<String, f64> {
-        let names = self.candidate.made.own(self.candidate.made.effects.len() - 1);
-        names.into_iter().map(|(_, n)| n).zip(self.own_values()).collect()
-    }
-
-    fn keep(&mut self, fit: Option<Fitted>) {
-        if let Some(f) = fit.filter(|f| self.fit.as_ref().is_none_or(|b| f.cost < b.cost)) {
-            self.fit = Some(f);
-        }
-    }
-
-    /// A few steps from each of the points to which the test points. Where such a point is worse than nothing at all, the step
-    /// of everything else went too far, which a few steps put right, or the size did: a friction that holds everything has no
-    /// slope. So it is tried from there if much is promised, and from a smaller size.
-    fn first(&mut self, bench: &Bench<'_>, base: &Trial) -> Result<()> {
-        if self.imitated {
-            return Ok(());
-        }
-        let subject = self.candidate.made.subject();
-        let worth = |point: &Point| cost(&subject, bench.train, point, bench.train_start).unwrap_or(f64::INFINITY);
-        let mut fits = Vec::new();
-        for finding in &self.findings {
-            bench.train.control.check()?;
-            let mut start = (worth(&finding.start), finding.start.clone());
-            let own = &finding.start.theta[self.candidate.own[0]..];
-            let promising = finding.gain > PROMISING * base.fit.cost;
-            let astray = |c: f64| promising && c > base.fit.cost && c.is_finite();
-            if astray(start.0) {
-                fits.push(stage(&subject, bench.train, &start.1, bench.train_start, None, FIRST));
-            }
-            for (k, size) in SMALLER.into_iter().enumerate() {
-                if start.0 <= base.fit.cost {
-                    break;
-                }
-                let smaller = joined(&self.candidate, bench.train, &base.fit.point, &self.candidate.resized(own, size));
-                let c = worth(&smaller);
-                if k == 0 && astray(c) {
-                    fits.push(stage(&subject, bench.train, &smaller, bench.train_start, None, FIRST));
-                }
-                if c < start.0 {
-                    start = (c, smaller);
-                }
-            }
-            fits.push(stage(&subject, bench.train, &start.1, bench.train_start, None, FIRST));
-        }
-        for fit in fits {
-            self.keep(fit);
-        }
-        Ok(())
-    }
-
-    /// Starts of a richer law from the fit of the simpler one.
-    fn inherit(
-        &mut self,
-        bench: &Bench<'_>,
-        simple: &IndexMap<Attachment, (Point, IndexMap<String, f64>)>,
-    ) -> Result<()> {
-        let key = (self.candidate.extends.clone().unwrap_or_default(), self.newest().1);
-        let Some((at, own)) = simple.get(&key) else { return Ok(()) };
-        let mut starts: Vec<(f64, Point)> = Vec::new();
-        for own in inherited(&self.candidate, own)? {
-            bench.train.control.check()?;
-            let point = joined(&self.candidate, bench.train, at, &own);
-            if let Some(c) = cost(&self.candidate.made.subject(), bench.train, &point, bench.train_start) {
-                starts.push((c, point));
-            }
-        }
-        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (_, start) in starts.into_iter().take(FOLLOWED) {
-            let fit = stage(&self.candidate.made.subject(), bench.train, &start, bench.train_start, None, FIRST);
-            self.keep(fit);
-        }
-        Ok(())
-    }
-
-    fn more(&mut self, bench: &Bench<'_>, effort: Effort) -> Result<()> {
-        bench.train.control.check()?;
-        let Some(from) = self.fit.as_ref().map(|f| f.point.clone()) else { return Ok(()) };
-        let fit = stage(&self.candidate.made.subject(), bench.train, &from, bench.train_start, None, effort);
-        self.keep(fit);
-        Ok(())
-    }
-
-    /// As far as the data go; and once more from the nominal parameters as stated, tied to the recording at first: what they
-    /// had absorbed may keep a fit in the wrong valley. With `everywhere`, by every observer.
-    fn last(&mut self, bench: &Bench<'_>, base: &Trial, everywhere: bool) -> Result<()> {
-        self.more(bench, FINE)?;
-        let Some(so_far) = self.fit.clone() else { return Ok(()) };
-        let stated: Vec<f64> = base
-            .made
-            .priors
-            .iter()
-            .zip(&base.fit.point.theta)
-            .map(|(p, v)| if p.sd.is_finite() { p.mean } else { *v })
-            .collect();
-        let beginning = Point { theta: stated, x0: bench.train_start.to_vec() };
-        let start = joined(&self.candidate, bench.train, &beginning, &self.own_values());
-        let subject = self.candidate.made.subject();
-        let tie = bench.train_ties.get(bench.train_ties.len() / 2).map_or(&[][..], Vec::as_slice);
-        if everywhere {
-            let fit = descend(bench, &subject, &[start], bench.train_ties)?;
-            self.keep(fit);
-        } else {
-            bench.train.control.check()?;
-            let tied = homotopy(&subject, bench.train, &start, bench.train_start, tie);
-            let agree = tied.as_ref().is_some_and(|t| (t.cost - so_far.cost).abs() <= AGREE * so_far.cost);
-            self.keep(tied);
-            if agree && so_far.converged {
-                return Ok(());
-            }
-        }
-        // The free fits may have lost what the test had seen: once more from there, tied.
-        let seen =
-            |f: &Finding| joined(&self.candidate, bench.train, &beginning, &f.start.theta[self.candidate.own[0]..]);
-        for start in self.findings.iter().map(seen).collect::<Vec<_>>() {
-            bench.train.control.check()?;
-            if self.cost().is_some_and(|c| c > ROUGH_LEFT * screen_samples(bench)) {
-                let fit = homotopy(&self.candidate.made.subject(), bench.train, &start, bench.train_start, tie);
-                self.keep(fit);
-            }
-        }
-        if self.fit.as_ref().is_some_and(|f| !f.converged) {
-            self.more(bench, FINE)?;
-        }
-        Ok(())
-    }
-
-    fn aside(self) -> Aside {
-        let why = match (&self.fit, self.imitated) {
-            (_, true) => Why::Imitated,
-            (Some(_), _) => Why::Behind,
-            (None, _) => Why::Nothing,
-        };
-        Aside { effect: self.newest(), why, cost: self.cost(), parameters: self.own_parameters() }
-    }
 }

@@ -15,6 +15,8 @@ pub struct Sizes {
     pub velocity: f64,
     /// Position at a port.
     pub position: f64,
+    /// Way at a port from end to end.
+    pub travel: f64,
     /// Time in which the motion changes.
     pub time: f64,
     /// Input.
@@ -29,7 +31,7 @@ impl Sizes {
     /// Sizes where nothing but the speed of the motion is known.
     pub fn new(scene: &Scene) -> Self {
         let time = 1.0 / positive(scene.speed);
-        Self { force: 1.0, velocity: 1.0, position: 1.0, time, input: 1.0, output: 1.0, value: 1.0 }
+        Self { force: 1.0, velocity: 1.0, position: 1.0, travel: 1.0, time, input: 1.0, output: 1.0, value: 1.0 }
     }
 
     /// Sizes at a port, from what its force and motion did.
@@ -38,12 +40,17 @@ impl Sizes {
         let velocity = forces.iter().flat_map(|f| f.velocity.iter()).fold(0.0_f64, |m, v| m.max(v.abs()));
         // How far it moves, wherever it is.
         let position = stats::std(forces.iter().flat_map(|f| f.position.iter().copied()));
+        let ends = forces
+            .iter()
+            .flat_map(|f| &f.position)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(*q), b.max(*q)));
         let time = position / all(&|f| &f.velocity);
         let plain = Self::new(scene);
         Self {
             force: positive(all(&|f| &f.force)),
             velocity: positive(velocity),
             position: positive(position),
+            travel: positive(ends.1 - ends.0),
             time: if time > 0.0 && time.is_finite() { time } else { plain.time },
             ..plain
         }

@@ -6,6 +6,7 @@ use super::experiment::Experiment;
 use super::fit::{FINE, Fitted, Ground, Point, Prior, Subject, full, homotopy, stage};
 use super::prepare::Ties;
 use super::score::Residuals;
+use super::seen::Doubt;
 use crate::error::Result;
 use crate::model::{Backend, Compiled, Model, System};
 
@@ -45,6 +46,13 @@ pub struct Bench<'a> {
     pub test_ties: &'a Ties,
 }
 
+impl Bench<'_> {
+    /// Number of measured samples of the train records.
+    pub fn samples(&self) -> f64 {
+        self.train.experiments.iter().map(|e| e.y.iter().filter(|v| v.is_finite()).count() as f64).sum()
+    }
+}
+
 /// A fitted hypothesis: the nominal model with none, one or several effects.
 pub struct Trial {
     /// What was fitted.
@@ -55,6 +63,8 @@ pub struct Trial {
     pub test_x0: Vec<Vec<f64>>,
     /// Residuals of train and held-out records.
     pub residuals: Residuals,
+    /// Why the recordings do not show what its name says, if so.
+    pub doubt: Option<Doubt>,
 }
 
 impl Trial {
@@ -217,15 +227,14 @@ impl Made {
 pub fn finish(bench: &Bench<'_>, made: Made, fit: Fitted, near: &[Vec<f64>]) -> Result<Trial> {
     let Made { model, system, .. } = &made;
     let p = full(system, &fit.point.theta);
-    let seen: f64 = bench.train.experiments.iter().map(|e| e.y.iter().filter(|v| v.is_finite()).count() as f64).sum();
-    let level = fit.cost / seen.max(1.0);
+    let level = fit.cost / bench.samples().max(1.0);
     let near = widened(system, &p, bench.test.experiments, near);
     let followed = widened(system, &p, bench.test.experiments, bench.test_start);
     let expected = Expected { level, followed: &followed };
     let test_x0 = starts(model, &made.extra, &p, bench.test, &near, bench.test_ties, Some(expected));
     bench.train.control.check()?;
     let residuals = Residuals::of(system, &p, (bench.train, &fit.point.x0), (bench.test, &test_x0));
-    Ok(Trial { made, fit, test_x0, residuals })
+    Ok(Trial { made, fit, test_x0, residuals, doubt: None })
 }
 
 /// Starting states of records with those that effects bring along, where they are to begin under parameters `p`.

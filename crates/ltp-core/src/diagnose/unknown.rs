@@ -103,7 +103,18 @@ pub fn unnamed(
     warnings: &mut Vec<String>,
 ) -> Result<Option<Unnamed>> {
     if left(e.last(), bench.train.sigma.len()) < LEFT {
-        return Ok(None);
+        // Names that only work together at one port may be the first terms of a series for another law.
+        let effects = &e.last().made.effects;
+        if effects.len() < 2
+            || effects.iter().any(|(_, at)| forces.iter().all(|(port, _)| port != at) || *at != effects[0].1)
+        {
+            return Ok(None);
+        }
+        let alone = added(bench, &e.nominal, forces, places, halves, &mut Vec::new())?;
+        return Ok(alone.filter(|u| {
+            let ranking = judge::rank(e.last(), [&u.trial]);
+            ranking.score(None) - ranking.score(Some(0)) > judge::APART
+        }));
     }
     let energy = |t: &Trial| t.residuals.structural(&t.residuals.train);
     let alone = added(bench, &e.nominal, forces, places, halves, warnings)?;
@@ -158,7 +169,7 @@ fn added(
             .last()
             .and_then(|key| ranges.get(key))
             .map_or((Family::Position, 0.0, 0.0), |r| *r);
-        warnings.extend(evidence.refusal(&format!("a law without a name that follows {}", family.variable())));
+        warnings.extend(evidence.refusal(&format!("a law without a name that follows {}", family.variable()), None));
         return Ok(None);
     }
     let trial = found.trials.swap_remove(best);
@@ -181,7 +192,7 @@ fn retold(t: &Trial, model: Model) -> Trial {
         model,
         system,
     };
-    Trial { made, fit: t.fit.clone(), test_x0: t.test_x0.clone(), residuals: t.residuals.clone() }
+    Trial { made, fit: t.fit.clone(), test_x0: t.test_x0.clone(), residuals: t.residuals.clone(), doubt: None }
 }
 
 /// The law over its range with the band of its coefficients.

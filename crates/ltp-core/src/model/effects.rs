@@ -17,7 +17,8 @@
 //! | `contact` | `rebound` | rate just after touchdown, from the one before | `gap`, `rate` |
 //! | `parameter` | `law` | what the model sees instead of the parameter | `value` |
 //!
-//! Laws on inputs and ports that have corners may name what passes through zero there (`corners`, in the same words).
+//! Laws on inputs and ports that have corners may name what passes through zero there (`corners`, in the same words). What
+//! repeats says over what and how often (`repeats`).
 //!
 //! `port_stiffness` is the stiffness that the model has along the port, `free_acceleration` the acceleration of the port
 //! without this force, `mobility` what a unit of this force adds to it (`port_laws`).
@@ -60,6 +61,9 @@ pub struct Effect {
     /// What passes through zero where the law has a corner, in its words: steps end there, so that none straddles it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub corners: Vec<String>,
+    /// What of it repeats: recordings that do not hold one whole period do not show it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeats: Option<Repeats>,
     /// Additional states with their rates.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub states: Named<EffectState>,
@@ -74,6 +78,16 @@ pub struct Effect {
     pub excess: Option<String>,
     /// Where the law comes from.
     pub reference: String,
+}
+
+/// Over what an effect repeats, and how often.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Repeats {
+    /// `time`, or `position` of the port.
+    pub over: String,
+    /// The period, of the effect's parameters.
+    pub every: String,
 }
 
 /// A state that an effect brings along.
@@ -197,6 +211,12 @@ impl Effect {
         }
         if !self.corners.is_empty() && !["input", "port"].contains(&self.on.as_str()) {
             return fault(format!("`corners` are of laws on inputs and ports, not on a {}", self.on));
+        }
+        if let Some(Repeats { over, every }) = &self.repeats {
+            parse(every, &format!("{path}, repeats.every"))?;
+            if over != "time" && !(over == "position" && self.on == "port") {
+                return fault(format!("repeats.over: `{over}` is neither `time` nor, on a port, `position`"));
+            }
         }
         let taken = |name: &str| !is_name(name) || is_reserved(name) || WORDS.contains(&name);
         if let Some(name) = self.parameters.keys().chain(self.states.keys()).find(|name| taken(name)) {

@@ -152,6 +152,11 @@ impl<'a> Engine<'a> {
         &self.events
     }
 
+    /// All events, at the end.
+    pub fn into_events(self) -> Vec<Event> {
+        self.events
+    }
+
     /// What it cost so far.
     pub fn stats(&self) -> Stats {
         let ratio = |(e, l): (&f64, &f64)| if *l > 0.0 { e / l } else { 0.0 };

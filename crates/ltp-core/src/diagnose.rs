@@ -120,7 +120,7 @@ fn work(
     let ports = places.ports().to_vec();
     // A record of its own that was predicted is the best witness; a piece cut from the train records is not one.
     let halves = if own_test { None } else { Some(prepared.halves(model, control)?) };
-    let explained = forward::explain(&bench, nominal, &jobs, halves.as_ref(), &mut warnings)?;
+    let explained = forward::explain(&bench, &scene, nominal, &jobs, halves.as_ref(), &mut warnings)?;
     let others: Vec<&[Vec<f64>]> =
         explained.rounds.iter().flat_map(|r| r.trials.iter().map(|t| t.residuals.train.as_slice())).collect();
     let own = &explained.nominal.residuals.train;

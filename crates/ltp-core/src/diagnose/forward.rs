@@ -6,6 +6,8 @@ use rayon::prelude::*;
 use super::candidates::Place;
 use super::fit::{FINE, Ground, Point, stage};
 use super::judge::{self, Evidence, Halves, Ranking};
+use super::places::beside;
+use super::prepare::Scene;
 use super::runner::Aside;
 use super::search::{Found, LONG, Pair, search};
 use super::seen::doubt;
@@ -87,6 +89,7 @@ pub fn left(t: &Trial, outputs: usize) -> f64 {
 /// [`crate::Error::Interrupted`], and what attaching an effect may say.
 pub fn explain(
     bench: &Bench<'_>,
+    scene: &Scene,
     nominal: Trial,
     jobs: &[(String, Place)],
     halves: Option<&Halves>,
@@ -97,8 +100,7 @@ pub fn explain(
     let original = out.nominal.residuals.structural(&out.nominal.residuals.train);
     for round in 0..MOST {
         let onto = out.last().made.effects.clone();
-        let open: Vec<(String, Place)> =
-            jobs.iter().filter(|(n, p)| !onto.iter().any(|(e, at)| e == n && *at == p.at)).cloned().collect();
+        let open = beside(bench, scene, out.last(), jobs)?;
         let share = if round == 0 { (0.2, 0.75) } else { (0.75, 0.9) };
         let found = search(bench, out.last(), &open, share, round == 0)?;
         let mut next = judged(bench, out.last(), found, onto, halves, &open)?;
@@ -139,7 +141,7 @@ pub fn explain(
         }
     }
     if out.found() && left(out.last(), outputs) > EXPLAINED && bench.samples() < LONG {
-        reconsidered(bench, &mut out, jobs, halves)?;
+        reconsidered(bench, scene, &mut out, jobs, halves)?;
     }
     out.shares = shares(bench, &out)?;
     if out.found()
@@ -154,6 +156,7 @@ pub fn explain(
 /// are followed by a step, and one that leads to a decisively better end takes its place.
 fn reconsidered(
     bench: &Bench<'_>,
+    scene: &Scene,
     out: &mut Explained,
     jobs: &[(String, Place)],
     halves: Option<&Halves>,
@@ -167,11 +170,7 @@ fn reconsidered(
     let mut ends: Vec<(usize, Round, usize)> = Vec::new();
     for i in first.ranking.order.iter().filter_map(|(i, _)| *i).filter(follow).take(OTHERS) {
         let base = &first.trials[i];
-        let open: Vec<(String, Place)> = jobs
-            .iter()
-            .filter(|(n, p)| !base.made.effects.iter().any(|(e, at)| e == n && *at == p.at))
-            .cloned()
-            .collect();
+        let open = beside(bench, scene, base, jobs)?;
         let found = search(bench, base, &open, (0.9, 0.9), false)?;
         let round = judged(bench, base, found, base.made.effects.clone(), halves, &open)?.round;
         if let Some(k) = round.accepted

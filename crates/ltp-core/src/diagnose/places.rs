@@ -3,6 +3,7 @@
 use super::candidates::{Place, Waves};
 use super::experiment::Run;
 use super::fit::Ground;
+use super::hypothesis::{Course, Hypothesis};
 use super::prepare::Scene;
 use super::result::Force;
 use super::sizes::Sizes;
@@ -135,6 +136,39 @@ impl<'a> Places<'a> {
             _ => None,
         }
     }
+}
+
+/// Effects that may be added to a hypothesis, with the periods that stand out in what is still missing beside it.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+pub fn beside(
+    bench: &Bench<'_>,
+    scene: &Scene,
+    trial: &Trial,
+    jobs: &[(String, Place)],
+) -> crate::Result<Vec<(String, Place)>> {
+    let taken =
+        |(name, place): &&(String, Place)| !trial.made.effects.iter().any(|(e, at)| e == name && *at == place.at);
+    let mut open: Vec<(String, Place)> = jobs.iter().filter(taken).cloned().collect();
+    if trial.made.effects.is_empty() {
+        return Ok(open);
+    }
+    let (model, p) = (&trial.made.model, trial.parameters());
+    let state_scale = scene.state_scale.iter().chain(&trial.made.extra).copied().collect();
+    let scene = Scene { state_scale, ..scene.clone() };
+    let course = Course { model, p: &p, ground: bench.train, scene: &scene };
+    let clock = trial.made.system.period(&p);
+    for port in model.ports() {
+        bench.train.control.check()?;
+        let force = Hypothesis::port(course, port)?;
+        let Some(walk) = force.walk()? else { continue };
+        let seen = waves(&force.smoothed(&walk)?, clock);
+        for (_, place) in open.iter_mut().filter(|(_, place)| place.at == port) {
+            place.waves = seen.clone();
+        }
+    }
+    Ok(open)
 }
 
 /// Wavelengths and angular frequencies at which a force repeats over position and over time, the strongest first. Along a

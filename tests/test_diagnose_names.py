@@ -1,0 +1,146 @@
+"""Owns the tests of what a diagnosis may call by a name: what recordings show of it, and what stands beside what."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from test_diagnose import record, slider
+
+import ltp
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+
+
+def note(found: ltp.Diagnosis, name: str) -> str:
+    """What is noted beside a candidate of the first round."""
+    return next(c.note or "" for c in found.candidates if c.name == name and not c.beside)
+
+
+def named(found: ltp.Diagnosis) -> list[str]:
+    return [e.name for e in found.effects]
+
+
+def stiff() -> ltp.Model:
+    """The slider with a spring that is known ten times better."""
+    return ltp.Model.from_toml(slider().to_toml().replace("sd = 2.0", "sd = 0.2"))
+
+
+def bent(truth: ltp.Model, seed: int, q: float) -> ltp.Recording:
+    """A run from `q` under a heavy load, so that the spring stays bent to one side."""
+    force = f"60 + 6*sin({3.1 + 0.2 * seed}*t) + 4*sin(5.3*t + {seed})"
+    run = ltp.simulate(truth, {"tau": force}, t_end=8.0, dt=0.01, initial_state={"q": q})
+    noise = np.random.default_rng(seed).normal(scale=1e-4, size=len(run.t))
+    return ltp.Recording(run.t, {"tau": run.inputs[:, 0]}, {"q": run.outputs[:, 0] + noise}, name=f"run {seed}")
+
+
+class TestShown:
+    @pytest.mark.parametrize("waves", [0.4, 3.0])
+    def test_what_repeats_has_been_seen_to(self, waves: float) -> None:
+        """The same cogging, of which the bed shows less than one tooth, and three."""
+        runs = [record(slider(), amplitude, seed) for seed, amplitude in enumerate((30.0, 14.0, 22.0), 1)]
+        wavelength = float(np.ptp(runs[0].outputs)) / waves
+        cogs = {"amplitude": 4.0, "wavelength": wavelength, "phase": 1.2}
+        truth = slider().attach("position_periodic_force", "bed", cogs)
+        runs = [record(truth, amplitude, seed) for seed, amplitude in enumerate((30.0, 14.0, 22.0), 1)]
+        found = ltp.diagnose(slider(), runs[:2], runs[2], candidates=["position_periodic_force"])
+        if waves < 1:
+            assert named(found) == [] and found.verdict != "effect", found.sentence
+            assert "nobody has seen it repeat" in note(found, "position_periodic_force")
+            assert any("repeat" in text for text in found.warnings)
+        else:
+            assert named(found) == ["position_periodic_force"]
+            assert found.effects[0].parameters["wavelength"].value == pytest.approx(wavelength, rel=0.01)
+
+    def test_a_gap_that_nothing_enters_is_a_constant_force(self) -> None:
+        """Bent to one side by a heavy load, the spring stays on that side: its gap cannot be told from a force, and is not."""
+        truth = slider().attach("constant_force", "bed", {"force": 0.4})
+
+        runs = [bent(truth, seed, 0.75) for seed in (1, 2, 3)]
+        found = ltp.diagnose(stiff(), runs[:2], runs[2], candidates=["backlash", "constant_force"])
+        assert named(found) == ["constant_force"], found.sentence
+        assert found.ambiguous_with == []
+        assert "no recording passes a corner" in note(found, "backlash")
+
+    def test_a_spring_that_never_yields_is_a_spring(self) -> None:
+        exact = ltp.Model.from_toml(slider().to_toml().replace(", sd = 2.0", "").replace("sd = 2.0\n", ""))
+        stiff = exact.attach("linear_stiffness", "bed", {"stiffness": 6.0})
+        runs = [record(stiff, amplitude, seed) for seed, amplitude in enumerate((30.0, 14.0, 22.0), 1)]
+        both = ltp.diagnose(exact, runs[:2], runs[2], candidates=["hysteresis", "linear_stiffness"])
+        assert named(both) == ["linear_stiffness"]
+        assert both.ambiguous_with == []
+        alone = ltp.diagnose(exact, runs[:2], runs[2], candidates=["hysteresis"])
+        assert named(alone) == [], alone.sentence
+        assert "yield_displacement" in note(alone, "hysteresis")
+
+    def test_of_answers_that_fit_alike_the_simplest_comes_first(self) -> None:
+        """The same load, but the slider passes the gap in the first instant: a gap is possible now, and more to say."""
+        truth = slider().attach("constant_force", "bed", {"force": 0.4})
+        runs = [bent(truth, seed, -0.02) for seed in (1, 2, 3)]
+        found = ltp.diagnose(stiff(), runs[:2], runs[2], candidates=["backlash", "constant_force"])
+        assert named(found) == ["constant_force"], found.sentence
+        assert found.ambiguous_with == ["backlash@bed"]
+
+
+class TestSeveral:
+    def test_a_delay_behind_a_lag_is_ruled_out_and_said_to_be(self) -> None:
+        """What a lag leaves depends on the motion and cannot be delayed: no reason to end a diagnosis."""
+        truth = slider().attach("input_lag", "tau", {"time_constant": 0.06})
+        truth = truth.attach("coulomb_friction", "bed", {"force": 0.8})
+        runs = [record(truth, amplitude, seed) for seed, amplitude in enumerate((30.0, 14.0, 22.0), 1)]
+        words = ["input_lag", "input_delay", "coulomb_friction"]
+        found = ltp.diagnose(slider(), runs[:2], runs[2], candidates=words)
+        assert sorted(named(found)) == ["coulomb_friction", "input_lag"], found.sentence
+        beside = [c for c in found.candidates if c.name == "input_delay" and c.note and "nothing to act on" in c.note]
+        lag_first = found.candidates[0].name == "input_lag"
+        assert bool(beside) == lag_first
+
+    def test_a_small_second_effect_that_completes_the_explanation(self) -> None:
+        """Less than a hundredth of the error is left by the first, and all of it is the second."""
+        truth = slider().attach("cubic_stiffness", "bed", {"cubic_stiffness": 60.0})
+        truth = truth.attach("time_periodic_force", "bed", {"amplitude": 0.05, "omega": 9.7, "phase": 0.4})
+        runs = [record(truth, a, seed, noise=2e-5) for seed, a in enumerate((30.0, 14.0, 22.0), 1)]
+        found = ltp.diagnose(slider(), runs[:2], runs[2])
+        assert sorted(named(found)) == ["cubic_stiffness", "time_periodic_force"], found.sentence
+        wave = next(e for e in found.effects if e.name == "time_periodic_force")
+        assert wave.parameters["omega"].value == pytest.approx(9.7, abs=0.02)
+        assert abs(wave.share) < 0.02
+
+    def test_the_wrong_half_gives_way(self) -> None:
+        """With a cubic spring beside it, an offset of the sensor explains more at first than the bias that is there."""
+        truth = ltp.zoo.pendulum().attach("input_bias", "tau", {"bias": 0.114})
+        truth = truth.attach("cubic_stiffness", "pivot", {"cubic_stiffness": 0.0256})
+        runs = []
+        for seed, size in enumerate((1.0, 0.4, 0.7), 1):
+            waves = range(1, 25)
+
+            def tau(t: float, size: float = size, seed: int = seed) -> float:
+                return size * 0.04 * sum(math.sin(2 * math.pi * k / 15 * t + seed * k * k) for k in waves)
+
+            run = ltp.simulate(truth, {"tau": tau}, t_end=15.0, dt=0.01)
+            noise = np.random.default_rng(seed).normal(scale=8e-4, size=len(run.t))
+            measured = run.outputs[:, 0] + noise
+            runs.append(ltp.Recording(run.t, {"tau": run.inputs[:, 0]}, {"theta": measured}, name=f"run {seed}"))
+        words = ["output_bias", "input_bias", "cubic_stiffness"]
+        found = ltp.diagnose(ltp.zoo.pendulum(), runs[:2], runs[2], candidates=words)
+        assert sorted(named(found)) == ["cubic_stiffness", "input_bias"], found.sentence
+
+
+def test_a_foot_on_the_ground_starts_on_it() -> None:
+    """A billionth of a metre above it the hopper would fall first, land at once and never hop: its start is held exactly."""
+    truth = ltp.zoo.hopper().attach("output_lag", "h", {"time_constant": 3.16e-4})
+    omega = 2 * math.pi / 0.33
+
+    def probed(seed: int, size: float) -> ltp.Recording:
+        def u_c(t: float) -> float:
+            return size * sum(math.sin((k + 0.5) * omega / 4 * t + seed * k) for k in range(1, 12))
+
+        run = ltp.simulate(truth, {"u_c": u_c}, t_end=8 * 0.33, dt=0.33 / 132, step=0.33 / 132 / 16)
+        noise = np.random.default_rng(seed).normal(scale=2.5e-6, size=len(run.t))
+        return ltp.Recording(run.t, {"u_c": run.inputs[:, 0]}, {"h": run.outputs[:, 0] + noise}, name=f"run {seed}")
+
+    runs = [probed(1, 0.7), probed(2, 0.3), probed(3, 0.5)]
+    found = ltp.diagnose(ltp.zoo.hopper(), runs[:2], runs[2], candidates=["output_lag", "output_delay"])
+    assert named(found) == ["output_lag"], found.sentence
+    assert found.effects[0].parameters["time_constant"].value == pytest.approx(3.16e-4, rel=0.02)

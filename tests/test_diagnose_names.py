@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from test_diagnose import record, slider
 
 import ltp
+from test_diagnose import record, slider
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
@@ -54,7 +54,7 @@ class TestShown:
             assert found.effects[0].parameters["wavelength"].value == pytest.approx(wavelength, rel=0.01)
 
     def test_a_gap_that_nothing_enters_is_a_constant_force(self) -> None:
-        """Bent to one side by a heavy load, the spring stays on that side: its gap cannot be told from a force, and is not."""
+        """Under a heavy load the spring stays on one side: its gap cannot be told from a force, and is not."""
         truth = slider().attach("constant_force", "bed", {"force": 0.4})
 
         runs = [bent(truth, seed, 0.75) for seed in (1, 2, 3)]
@@ -113,10 +113,9 @@ class TestSeveral:
         truth = truth.attach("cubic_stiffness", "pivot", {"cubic_stiffness": 0.0256})
         runs = []
         for seed, size in enumerate((1.0, 0.4, 0.7), 1):
-            waves = range(1, 25)
 
             def tau(t: float, size: float = size, seed: int = seed) -> float:
-                return size * 0.04 * sum(math.sin(2 * math.pi * k / 15 * t + seed * k * k) for k in waves)
+                return size * 0.04 * sum(math.sin(2 * math.pi * k / 15 * t + seed * k * k) for k in range(1, 25))
 
             run = ltp.simulate(truth, {"tau": tau}, t_end=15.0, dt=0.01)
             noise = np.random.default_rng(seed).normal(scale=8e-4, size=len(run.t))
@@ -128,7 +127,7 @@ class TestSeveral:
 
 
 def test_a_foot_on_the_ground_starts_on_it() -> None:
-    """A billionth of a metre above it the hopper would fall first, land at once and never hop: its start is held exactly."""
+    """A billionth of a metre above it the hopper would land at once and never hop: its start is held exactly."""
     truth = ltp.zoo.hopper().attach("output_lag", "h", {"time_constant": 3.16e-4})
     omega = 2 * math.pi / 0.33
 

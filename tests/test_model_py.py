@@ -233,6 +233,33 @@ class TestSimulate:
             ltp.simulate(rig, **{**good, **arguments})
 
 
+class TestEffectsWithAPast:
+    """Simulated from Python as the engine does: an input that comes late, a sensor that is late, a sensor with play."""
+
+    def runs(self, effect: str, at: str, **parameters: float) -> tuple[ltp.Trajectory, ltp.Trajectory]:
+        model = ltp.zoo.drive()
+        late = model.attach(effect, at, parameters)
+        drive = {"tau": "300*sin(5*t)*(t > 0.1)"}
+        return tuple(ltp.simulate(m, drive, t_end=2.0, dt=0.005) for m in (model, late))  # type: ignore[return-value]
+
+    @pytest.mark.parametrize(("effect", "at"), [("input_delay", "tau"), ("output_delay", "q")])
+    def test_a_delay_delays(self, effect: str, at: str) -> None:
+        model, late = self.runs(effect, at, delay=0.05)
+        assert np.ptp(model.outputs) > 0.01
+        np.testing.assert_allclose(late.outputs[10:], model.outputs[:-10], atol=2e-4 * np.ptp(model.outputs))
+
+    def test_a_lag_much_shorter_than_a_sample(self) -> None:
+        model, slow = self.runs("input_lag", "tau", time_constant=2e-4)
+        assert slow.stop.reason == "finished"
+        np.testing.assert_allclose(slow.outputs, model.outputs, atol=2e-3 * np.ptp(model.outputs))
+
+    def test_play_stands_still_after_a_reversal(self) -> None:
+        model, loose = self.runs("output_backlash", "q", gap=0.004)
+        away = loose.outputs - model.outputs
+        assert np.max(np.abs(away)) == pytest.approx(0.002, rel=1e-3)
+        assert np.sum(np.diff(loose.outputs[:, 0]) == 0) > 10
+
+
 class TestDiagnose:
     @pytest.fixture(scope="class")
     def found(self) -> ltp.Diagnosis:

@@ -126,7 +126,8 @@ def simulate(
     constant, in
         the input's unit. An input that is left out takes the default of the document.
     hold: what samples do in between: "first-order" (straight lines), "zero-order" (steps) or "cubic".
-    step: longest integration step, s; by default one step leads from sample to sample.
+    step: longest integration step, s; by default one step leads from sample to sample, more where an effect brought a
+        shorter time constant along.
     initial_state: values that replace those of the document, in the states' units; initial_mode likewise.
     strict: raise `ConvergenceError` when the run ends before `t_end` (Zeno, grazing, escape, step limit) instead of
         returning the valid part with its `stop`.

@@ -16,4 +16,4 @@ pub mod trajectory;
 
 pub use inputs::{Hold, Inputs};
 pub use stop::{Event, Stats, Stop};
-pub use trajectory::{Plan, Trajectory, simulate};
+pub use trajectory::{Plan, STEPS_PER_TIME, Trajectory, simulate};

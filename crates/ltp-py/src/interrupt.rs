@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use ltp_core::model::{Guard, Point, Schedule, Stepper, System};
+use ltp_core::model::{Delay, Guard, Operator, Point, Schedule, Stepper, System};
 
 /// A system as it is, until `flag` is set; then its rates are not numbers, and the simulation ends within one step.
 pub struct Interruptible<S> {
@@ -42,6 +42,15 @@ impl<S: System> System for Interruptible<S> {
     }
     fn outputs(&self) -> usize {
         self.system.outputs()
+    }
+    fn delays(&self, p: &[f64]) -> Vec<Delay> {
+        self.system.delays(p)
+    }
+    fn shortest_time(&self, p: &[f64]) -> f64 {
+        self.system.shortest_time(p)
+    }
+    fn operators(&self, p: &[f64]) -> Vec<Operator> {
+        self.system.operators(p)
     }
     fn parameters(&self) -> &[f64] {
         self.system.parameters()

@@ -58,6 +58,9 @@ pub fn simulate(
     let model = model.core();
     let (inputs, plan) = door::short(py, || {
         let mut plan = grid(&t, step)?;
+        if step.is_none() {
+            plan = plan.suiting(&*system, system.parameters());
+        }
         plan.initial_state = Some(initial(model, &system, "initial_state", &start)?);
         plan.initial_mode = initial_mode.map(|mode| model.mode(mode)).transpose()?;
         Ok((sampled(driven.as_ref().unwrap_or(model), samples, hold_named(hold)?, &plan)?, plan))

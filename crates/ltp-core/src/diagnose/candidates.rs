@@ -6,7 +6,7 @@
 
 use indexmap::IndexMap;
 
-use super::experiment::{FINEST, STEPS_PER_TIME};
+use super::experiment::FINEST;
 use super::fit::{Point, Prior};
 use super::law::evaluate;
 use super::sizes::Sizes;
@@ -14,6 +14,7 @@ use super::trial::{Made, Trial};
 use crate::error::Result;
 use crate::model::effects::EffectParameter;
 use crate::model::{Effect, Model, System};
+use crate::simulate::STEPS_PER_TIME;
 
 /// A shape may leave its grid by these factors.
 const BEYOND: (f64, f64) = (1.0 / 200.0, 10.0);

@@ -41,7 +41,7 @@ const APART: f64 = 2.0;
 /// What a series depends on that never changes.
 pub const CONSTANT: &str = "nothing: it is constant";
 /// What is said where no group explains anything.
-const NOTHING: &str = "nothing it was tested against";
+pub const NOTHING: &str = "nothing it was tested against";
 /// Samples kept for the regression.
 const KEPT: usize = 2000;
 

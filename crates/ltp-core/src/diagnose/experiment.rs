@@ -7,7 +7,7 @@ use crate::model::{Model, System};
 use crate::signal::Recording;
 use crate::simulate::engine::{Engine, Settings};
 use crate::simulate::sensor::Sensor;
-use crate::simulate::{Event, Hold, Inputs, Stop};
+use crate::simulate::{Event, Hold, Inputs, STEPS_PER_TIME, Stop};
 
 /// Asks long work to stop, and tells how far it is.
 pub struct Control<'a> {
@@ -151,8 +151,6 @@ pub struct Run<'a> {
 
 /// Most parts into which a step is cut for the sake of a short time constant.
 pub const FINEST: f64 = 8.0;
-/// Step over the shortest time constant of an effect's states, above which it is cut.
-pub const STEPS_PER_TIME: f64 = 2.0;
 
 /// Into how many parts a step is cut: those of the model itself suit it, a lag that an effect brings along may be shorter.
 fn finer(system: &dyn System, p: &[f64], step: f64) -> u64 {

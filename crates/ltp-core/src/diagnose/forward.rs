@@ -19,8 +19,10 @@ use crate::model::System;
 const MOST: usize = 3;
 /// Mean square residual in units of noise up to which nothing is left to explain.
 const EXPLAINED: f64 = 1.10;
-/// Share of the nominal structural error that a further effect must remove, unless nothing is left to explain with it.
+/// Shares of the nominal structural error, and of what is left of it, that a further effect must remove, unless nothing is left
+/// to explain with it: one that polishes is as likely to be another law's.
 const WORTHWHILE: f64 = 0.02;
+const HALF: f64 = 0.5;
 /// Energy over that of the fit before it up to which the last fit stands.
 const AS_GOOD: f64 = 1.1;
 /// How much finer the steps of the last fit are.
@@ -119,7 +121,8 @@ pub fn explain(
         let worth = accepted.is_some_and(|i| {
             let t = &next.round.trials[i];
             let much = before - t.residuals.structural(&t.residuals.train) > WORTHWHILE * original;
-            round == 0 || much || left(t, outputs) <= EXPLAINED
+            let most = evidence.is_some_and(|e| e.share.min(e.predicted) >= HALF);
+            round == 0 || (much && most) || left(t, outputs) <= EXPLAINED
         });
         if !worth {
             next.round.accepted = None;

@@ -214,7 +214,8 @@ impl<'a> Hypothesis<'a> {
         let document = self.course.model.document();
         let motion = if self.kind == Kind::Port { Some(self.probe.port_motion(&self.at)?) } else { None };
         let (own_input, own_output) = (document.inputs.get_index_of(&self.at), document.outputs.get_index_of(&self.at));
-        let mut u = vec![0.0; system.inputs()];
+        let inputs = e.inputs.seen_by(system, p);
+        let mut u = vec![0.0; inputs.channels()];
         let mut out = Force {
             kind: self.kind.name().into(),
             record: e.name.clone(),
@@ -232,7 +233,7 @@ impl<'a> Hypothesis<'a> {
         let mut x = vec![0.0; nx];
         for k in 0..e.len() {
             let t = e.t0 + k as f64 * e.dt;
-            e.inputs.eval(e.inputs.interval(t + 1e-6 * e.dt), t, &mut u);
+            inputs.eval(inputs.interval(t + 1e-6 * e.dt), t, &mut u);
             out.t.push(t);
             out.force.push(s.x[(k + 1) * nx - 1]);
             out.sd.push(s.sd[(k + 1) * nx - 1]);
@@ -307,9 +308,10 @@ pub fn left(train: &[Experiment], residuals: &[Vec<f64>], sigma: &[f64]) -> Vec<
 fn reach(system: &dyn System, p: &[f64], train: &[Experiment], scene: &Scene) -> f64 {
     let nx = system.states();
     let mut x = scene.start[0].clone();
-    x.push(0.0);
-    let mut u = vec![0.0; system.inputs()];
-    train[0].inputs.eval(0, train[0].t0, &mut u);
+    x.resize(nx, 0.0);
+    let inputs = train[0].inputs.seen_by(system, p);
+    let mut u = vec![0.0; inputs.channels()];
+    inputs.eval(0, train[0].t0, &mut u);
     let mut flow = vec![0.0; nx + nx * nx];
     let at = Point { t: train[0].t0, x: &x, u: &u, p };
     let mode = system.settle(system.initial_mode(), at);

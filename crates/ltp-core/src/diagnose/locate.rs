@@ -18,6 +18,9 @@ use crate::error::Result;
 /// physics can be read at.
 const CLEARLY: f64 = 5.0;
 
+/// Probability of chance up to which a dependence counts as one.
+const LAWFUL: f64 = 0.05;
+
 /// A port with the force that the model misses there, along each train experiment.
 pub type PortForces = (String, Vec<Force>);
 
@@ -104,17 +107,29 @@ pub fn everywhere(
             *best = Some(tried);
         }
     }
-    let (Some(without), Some(best)) = (without, clearest(port, other)) else { return Ok((all, None)) };
-    let forces = match &best.walk {
-        Some(walk) => best.hypothesis.smoothed(walk)?,
-        None => best.forces,
-    };
-    let (variable, p_value) = dependence::depends_on(&forces, seed);
+    let Some(without) = without else { return Ok((all, None)) };
+    let mut found = None;
+    for tried in in_order(port, other) {
+        let forces = match &tried.walk {
+            Some(walk) => tried.hypothesis.smoothed(walk)?,
+            None => tried.forces,
+        };
+        let (variable, p_value) = dependence::depends_on(&forces, seed);
+        let place = (tried.hypothesis.kind, tried.hypothesis.at, tried.likelihood - without);
+        // What wanders at a sensor after no law can be anything: a port where it has one is the better place.
+        let lawful = variable != dependence::NOTHING && p_value <= LAWFUL;
+        if found.is_none() || lawful {
+            found = Some((place, forces, variable, p_value));
+        }
+        if lawful {
+            break;
+        }
+    }
+    let Some(((kind, at, gain), forces, variable, p_value)) = found else { return Ok((all, None)) };
     let repeats = dependence::repeats(&forces, &variable);
-    let gain = best.likelihood - without;
     let location = Location {
-        kind: best.hypothesis.kind.name().into(),
-        at: best.hypothesis.at,
+        kind: kind.name().into(),
+        at,
         mode: occasions::mode(&forces),
         variable,
         repeats,
@@ -126,11 +141,11 @@ pub fn everywhere(
     Ok((all, Some(Located { location, gain, forces })))
 }
 
-/// The best port, unless something else is clearly better.
-fn clearest<'a>(port: Option<Tried<'a>>, other: Option<Tried<'a>>) -> Option<Tried<'a>> {
+/// The best port alone, unless something else is clearly better: then that first.
+fn in_order<'a>(port: Option<Tried<'a>>, other: Option<Tried<'a>>) -> Vec<Tried<'a>> {
     match (port, other) {
-        (Some(port), Some(other)) if other.likelihood > port.likelihood + CLEARLY => Some(other),
-        (None, other) => other,
-        (port, _) => port,
+        (Some(port), Some(other)) if other.likelihood > port.likelihood + CLEARLY => vec![other, port],
+        (Some(port), _) => vec![port],
+        (None, other) => other.into_iter().collect(),
     }
 }

@@ -7,6 +7,9 @@ use super::stop::{Event, Stats, Stop};
 use crate::error::{Error, Result};
 use crate::model::System;
 
+/// Step over the shortest time constant of an effect's states, above which it is cut.
+pub const STEPS_PER_TIME: f64 = 2.0;
+
 /// What to simulate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
@@ -66,6 +69,14 @@ impl Plan {
     pub fn with_step(mut self, step: f64) -> Self {
         self.substeps = (self.dt / step - 1e-9).ceil().max(1.0) as u64;
         self
+    }
+
+    /// With steps that follow the shortest time constant that effects brought along, such as a lag: a longer one is not
+    /// stable.
+    #[must_use]
+    pub fn suiting(self, system: &dyn System, p: &[f64]) -> Self {
+        let longest = STEPS_PER_TIME * system.shortest_time(p);
+        if longest < self.dt { self.with_step(longest) } else { self }
     }
 
     /// With an initial state.

@@ -19,6 +19,8 @@ const SAMPLES: usize = 500;
 const ITERATIONS: usize = 40;
 /// Closure relative to the size of the orbit at which an orbit counts as found.
 const TOLERANCE: f64 = 1e-9;
+/// Periods at most that a motion is given to settle.
+const PATIENCE: usize = 200;
 /// A start that comes back this near to itself after one period is taken as a guess of the orbit itself.
 const GUESS: f64 = 0.05;
 /// Arcs tried by multiple shooting.
@@ -113,7 +115,7 @@ pub fn cycle(system: &dyn System, p: &[f64], options: &Options) -> Result<LimitC
     if let Some(found) = clock.filter(|t| !(*t > 0.0 && t.is_finite())) {
         return Err(Error::OutOfRange { what: "period".into(), found, expected: "a positive time in s".into() });
     }
-    let (guess, settled) = if autonomous {
+    let (mut guess, mut settled) = if autonomous {
         survey::first_return(&flow, &start, mode, clock, options.settle)?
     } else {
         let Some(period) = clock else {
@@ -124,12 +126,22 @@ pub fn cycle(system: &dyn System, p: &[f64], options: &Options) -> Result<LimitC
         };
         settled_guess(&flow, period, &start, mode, options.settle)
     };
-    let scale = sizes(&flow, &guess);
-    let found = match shoot::newton(&flow, guess.clone(), &scale, ITERATIONS, TOLERANCE) {
-        Ok(found) => found,
-        Err(single) => multiple(&flow, &guess, &scale).map_err(|_| not_found(&single, settled))?,
-    };
+    let mut scale = sizes(&flow, &guess);
+    let mut found = closed(&flow, &guess, &scale);
+    if let (Err(_), false, 0, None) = (&found, autonomous, settled, options.settle) {
+        // It seemed near enough to begin at once, and a step fell beside it: a foot is not quite on the ground.
+        (guess, settled) = settled_guess(&flow, guess.period, &start, mode, Some(PATIENCE));
+        scale = sizes(&flow, &guess);
+        found = closed(&flow, &guess, &scale);
+    }
+    let found = found.map_err(|lost| not_found(&lost, settled))?;
     describe(&flow, found, &scale, start, settled)
+}
+
+/// The orbit that closes near a guess, by single or else by multiple shooting; the reason of the former where neither does.
+fn closed(flow: &Flow<'_>, guess: &Orbit, scale: &[f64]) -> std::result::Result<Found, Lost> {
+    shoot::newton(flow, guess.clone(), scale, ITERATIONS, TOLERANCE)
+        .or_else(|single| multiple(flow, guess, scale).map_err(|_| single))
 }
 
 fn checked(system: &dyn System, p: &[f64], options: &Options) -> Result<(Inputs, Vec<f64>, usize)> {
@@ -174,7 +186,7 @@ fn settled_guess(flow: &Flow<'_>, period: f64, x: &[f64], mode: usize, settle: O
             end.mode == mode && gap <= closure * size
         })
     };
-    let most = settle.unwrap_or_else(|| if near(x, mode, GUESS) { 0 } else { 200 });
+    let most = settle.unwrap_or_else(|| if near(x, mode, GUESS) { 0 } else { PATIENCE });
     let (mut at, mut in_mode) = (x.to_vec(), mode);
     for done in 0..most {
         match flow.go(0.0, period, 1.0, &at, in_mode, false) {

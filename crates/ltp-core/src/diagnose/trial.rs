@@ -208,6 +208,20 @@ impl Made {
         own(&self.model, &self.system, self.model.document().effects.len() - self.effects.len() + k)
     }
 
+    /// Waves as people write them: with a positive amplitude, and a phase within half a turn.
+    fn upright(&self, theta: &mut [f64]) {
+        for k in 0..self.effects.len() {
+            let own = self.own(k);
+            let place = |name: &str| own.iter().find(|(_, n)| n == name).map(|(i, _)| *i);
+            if let (Some(amplitude), Some(phase)) = (place("amplitude"), place("phase")) {
+                let half = if theta[amplitude] < 0.0 { std::f64::consts::PI } else { 0.0 };
+                theta[amplitude] = theta[amplitude].abs();
+                let turn = std::f64::consts::TAU;
+                theta[phase] = (theta[phase] + half + 0.5 * turn).rem_euclid(turn) - 0.5 * turn;
+            }
+        }
+    }
+
     /// The same, compiled anew.
     pub fn copy(&self) -> Self {
         let (effects, model, system) = (self.effects.clone(), self.model.clone(), self.model.compile());
@@ -224,7 +238,8 @@ impl Made {
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`].
-pub fn finish(bench: &Bench<'_>, made: Made, fit: Fitted, near: &[Vec<f64>]) -> Result<Trial> {
+pub fn finish(bench: &Bench<'_>, made: Made, mut fit: Fitted, near: &[Vec<f64>]) -> Result<Trial> {
+    made.upright(&mut fit.point.theta);
     let Made { model, system, .. } = &made;
     let p = full(system, &fit.point.theta);
     let level = fit.cost / bench.samples().max(1.0);

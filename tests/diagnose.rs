@@ -252,3 +252,11 @@ fn the_concealing_integrator_agrees_with_the_engine() {
     let far = exact.outputs.iter().zip(&other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(far < 2e-5, "largest difference {far}");
 }
+
+#[test]
+fn a_foot_that_stands_at_first_is_held_there() {
+    let held = |name: &str| zoo(name).unwrap().held_at_start();
+    // Height and speed of the body move in either mode, those of the toe in flight only.
+    assert_eq!(held("hopper"), [false, true, false, true]);
+    assert_eq!(held("drive"), [false, false]);
+}

@@ -176,3 +176,13 @@ fn a_clocked_signal_can_be_acted_on() {
     let direct = outputs(&same, &[], &mut wave(0.0025, &zero), 400, 1e-11);
     assert!(furthest(&gain, &direct) < 1e-9, "{}", furthest(&gain, &direct));
 }
+
+#[test]
+fn a_motion_that_is_too_stiff_is_given_up_in_bounded_time() {
+    // An explicit method takes steps as short as the fastest decay, however small the motion: 1e9 N s/m on 95 kg.
+    let machine =
+        Machine::new(&zoo("drive").unwrap(), &[planted("viscous_friction", "drive", &[("damping", 1e9)])]).unwrap();
+    let mut input = wave(0.01, &[vec![100.0; 101]]);
+    let failed = run(&machine, &mut input, &Run { x0: &[0.0, 0.0], lead: 0, samples: 101, tolerance: 1e-10 }, None);
+    assert!(failed.is_err_and(|e| e.to_string().contains("so stiff")));
+}

@@ -374,3 +374,28 @@ pub fn substeps(system: &dyn System, p: &[f64], ground: Ground<'_>, start: &[Vec
 pub fn candidates(library: &Library) -> Vec<String> {
     library.names().filter(|n| ![UNKNOWN_FORCE, UNKNOWN_BIAS].contains(n)).map(String::from).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::zoo;
+    use crate::signal::Recording;
+    use crate::simulate::Hold;
+
+    #[test]
+    fn records_are_cut_at_whole_periods_of_a_clock() {
+        let n = 1000;
+        let t: Vec<f64> = (0..n).map(|k| 0.01 * f64::from(k)).collect();
+        let wave: Vec<f64> = t.iter().map(|t| t.sin()).collect();
+        let (input, output) = (vec!["tau".to_string()], vec!["q".to_string()]);
+        let r = Recording::new("run", t, vec![wave.clone()], vec![wave], input, output).unwrap();
+        let e = Experiment::new(&zoo("drive").unwrap(), &r, Hold::FirstOrder).unwrap();
+        assert_eq!(cut(&e, 0.5, None), 500);
+        // Periods of 3.3 s end at samples 330, 660 and 990: the nearest to the share wanted.
+        assert_eq!(cut(&e, 0.5, Some(3.3)), 660);
+        assert_eq!(cut(&e, 0.4, Some(3.3)), 330);
+        // A share that holds no whole period is cut where it ends, and so is a clock that is faster than the samples.
+        assert_eq!(cut(&e, 0.3, Some(3.3)), 300);
+        assert_eq!(cut(&e, 0.3, Some(0.005)), 300);
+    }
+}

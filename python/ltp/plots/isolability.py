@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from matplotlib.colors import to_rgba
+from matplotlib.colors import to_hex, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
@@ -40,8 +40,8 @@ def isolability_figure(found: Isolability) -> Figure:
                 continue
             word = found.words[i][j] if first.detectable and second.detectable else "unseen"
             color, meaning = COLORS[_LOOK[word][0]], _LOOK[word][1]
-            drawn[meaning] = color
-            face = to_rgba(color, 0.4 if word != "unseen" else 0.9)
+            face = to_hex(to_rgba(color, 0.4 if word != "unseen" else 0.9), keep_alpha=True)
+            drawn[meaning] = face
             matrix.add_patch(Rectangle((j - 0.47, i - 0.44), 0.94, 0.88, facecolor=face, edgecolor="none"))
             if word != "unseen" and not many:
                 size = 7.5 if m <= 14 else 5.5

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::candidates::Place;
 use super::fit::{FINE, Ground, Point, stage};
-use super::judge::{self, Evidence, Halves, Ranking};
+use super::judge::{self, EXPLAINED, Evidence, Halves, Ranking};
 use super::places::beside;
 use super::prepare::Scene;
 use super::runner::Aside;
@@ -17,8 +17,6 @@ use crate::model::System;
 
 /// Effects at most.
 const MOST: usize = 3;
-/// Mean square residual in units of noise up to which nothing is left to explain.
-const EXPLAINED: f64 = 1.10;
 /// Shares of the nominal structural error, and of what is left of it, that a further effect must remove, unless nothing is left
 /// to explain with it: one that polishes is as likely to be another law's.
 const WORTHWHILE: f64 = 0.02;
@@ -78,13 +76,6 @@ impl Explained {
     }
 }
 
-/// Mean square of the train residuals, in units of noise.
-pub fn left(t: &Trial, outputs: usize) -> f64 {
-    let r = &t.residuals;
-    let (s, n) = (0..outputs).map(|j| r.energy(&r.train, j)).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-    if n > 0.0 { s / n } else { 1.0 }
-}
-
 /// Explains the recordings as far as the library goes.
 ///
 /// # Errors
@@ -98,7 +89,6 @@ pub fn explain(
     warnings: &mut Vec<String>,
 ) -> Result<Explained> {
     let mut out = Explained { nominal, rounds: Vec::new(), pruned: None, shares: Vec::new() };
-    let outputs = bench.train.sigma.len();
     let original = out.nominal.residuals.structural(&out.nominal.residuals.train);
     for round in 0..MOST {
         let onto = out.last().made.effects.clone();
@@ -107,7 +97,7 @@ pub fn explain(
         let found = search(bench, out.last(), &open, share, round == 0)?;
         let mut next = judged(bench, out.last(), found, onto, halves, &open)?;
         if next.round.accepted.is_none() && round == 0 {
-            let hope = left(out.last(), outputs) > EXPLAINED;
+            let hope = out.last().left() > EXPLAINED;
             if let Some(pair) = if hope { both(bench, out.last(), &open, &next, halves)? } else { None } {
                 next.round = pair;
             }
@@ -122,7 +112,7 @@ pub fn explain(
             let t = &next.round.trials[i];
             let much = before - t.residuals.structural(&t.residuals.train) > WORTHWHILE * original;
             let most = evidence.is_some_and(|e| e.share.min(e.predicted) >= HALF);
-            round == 0 || (much && most) || left(t, outputs) <= EXPLAINED
+            round == 0 || (much && most) || t.left() <= EXPLAINED
         });
         if !worth {
             next.round.accepted = None;
@@ -139,11 +129,11 @@ pub fn explain(
         {
             out.pruned = Some(simpler);
         }
-        if left(out.last(), outputs) <= EXPLAINED {
+        if out.last().left() <= EXPLAINED {
             break;
         }
     }
-    if out.found() && left(out.last(), outputs) > EXPLAINED && bench.samples() < LONG {
+    if out.found() && out.last().left() > EXPLAINED && bench.samples() < LONG {
         reconsidered(bench, scene, &mut out, jobs, halves)?;
     }
     out.shares = shares(bench, &out)?;

@@ -9,6 +9,8 @@ use crate::error::Result;
 
 /// Deviance within which two candidates count as the same answer.
 pub const APART: f64 = 10.0;
+/// Mean square residual in units of noise up to which nothing is left to explain.
+pub const EXPLAINED: f64 = 1.10;
 /// Deviance within which chance decides which of two fits better.
 const EQUAL: f64 = 2.0;
 /// Share of the structural error that a named effect must remove where it was not fitted.
@@ -54,8 +56,8 @@ pub fn rank<'t>(base: &'t Trial, trials: impl IntoIterator<Item = &'t Trial>) ->
 impl Ranking {
     /// The best effect, after nested families: a richer law must win by [`APART`] and be materially richer.
     pub fn winner(&self, trials: &[Trial]) -> Option<usize> {
-        // What has not converged is no fit yet; it is named only where nothing else is there to name.
-        let ready = |i: &usize| trials[*i].fit.converged;
+        // What has not converged is no fit yet; it is named only where it explains everything, or nothing else is there to name.
+        let ready = |i: &usize| trials[*i].fit.converged || trials[*i].left() <= EXPLAINED;
         let first = self.order.iter().filter_map(|(i, _)| *i).find(ready);
         let mut best = first.or_else(|| self.order.iter().find_map(|(i, _)| *i))?;
         // Where chance decides the order, the simplest comes first.

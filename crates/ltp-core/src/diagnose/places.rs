@@ -19,8 +19,10 @@ const WAVES: usize = 120;
 const FINENESS: usize = 4;
 /// Multiples of a clock's frequency by which a response may be moved from its cause.
 const SIDEBANDS: usize = 3;
+/// Highest frequency of a periodogram, in samples.
+const BAND: f64 = 0.45;
 /// Samples kept for a periodogram.
-const KEPT: usize = 2000;
+const KEPT: usize = 4000;
 
 /// Every place at which one of the effects may act.
 pub struct Places<'a> {
@@ -215,7 +217,7 @@ pub fn waves(forces: &[Force], clock: Option<f64>) -> Waves {
         Vec::new()
     };
     let omegas = if seconds > 0.0 {
-        let lines = ((0.25 * seconds / dt) as usize).clamp(8, 2000);
+        let lines = ((BAND * seconds / dt) as usize).clamp(8, 2000);
         peaks((1..=2 * lines).map(|i| 0.5 * tau / seconds * i as f64).collect(), &t)
     } else {
         Vec::new()

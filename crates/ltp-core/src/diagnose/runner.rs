@@ -219,9 +219,10 @@ impl Runner {
 
     /// Where, beside what others made of everything else, this effect does best: as it stands or as the test pointed, from
     /// their starts or from its own.
-    pub fn best_beside(&self, bench: &Bench<'_>, bases: &[Point], states: usize) -> Point {
-        let seen = self.findings.iter().map(|f| f.start.theta[self.candidate.own[0]..].to_vec());
-        let own: Vec<Vec<f64>> = std::iter::once(self.own_values()).chain(seen).collect();
+    pub fn best_beside(&self, bench: &Bench<'_>, bases: &[Point], states: usize) -> Option<Point> {
+        let looks = self.findings.iter().chain(&self.spare);
+        let seen = looks.map(|f| f.start.theta[self.candidate.own[0]..].to_vec());
+        let own: Vec<Vec<f64>> = self.fit.iter().map(|_| self.own_values()).chain(seen).collect();
         let starts = self.fit.as_ref().map(|f| self.cut(&f.point, states).x0);
         let ways = bases.iter().flat_map(|b| {
             let here = starts.iter().map(|x0| Point { x0: x0.clone(), ..b.clone() });
@@ -231,8 +232,8 @@ impl Runner {
         let points: Vec<Point> = ways.flat_map(join).collect();
         let subject = self.candidate.made.subject();
         let worth = |p: &Point| cost(&subject, bench.train, p, bench.train_start).unwrap_or(f64::INFINITY);
-        let best = points.iter().map(worth).enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(i, _)| i);
-        points[best].clone()
+        let valued = points.into_iter().map(|p| (worth(&p), p));
+        valued.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, p)| p)
     }
 
     /// A few steps from a point that others found, and some more where they led somewhere.
@@ -268,14 +269,7 @@ impl Runner {
     pub fn last(&mut self, bench: &Bench<'_>, base: &Trial, everywhere: bool) -> Result<()> {
         self.more(bench, FINE)?;
         let Some(so_far) = self.fit.clone() else { return Ok(()) };
-        let stated: Vec<f64> = base
-            .made
-            .priors
-            .iter()
-            .zip(&base.fit.point.theta)
-            .map(|(p, v)| if p.sd.is_finite() { p.mean } else { *v })
-            .collect();
-        let beginning = Point { theta: stated, x0: bench.train_start.to_vec() };
+        let beginning = base.as_stated(bench);
         let start = joined(&self.candidate, bench.train, &beginning, &self.own_values());
         let subject = self.candidate.made.subject();
         let tie = bench.train_ties.get(bench.train_ties.len() / 2).map_or(&[][..], Vec::as_slice);

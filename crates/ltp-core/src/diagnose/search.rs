@@ -122,7 +122,8 @@ pub fn search(
             .collect();
         chosen(&mut runners, &slow).into_par_iter().try_for_each(|r| r.more(bench, SECOND))?;
     }
-    hand_on(bench, base, &mut runners)?;
+    let lost = unexplained(&runners) && samples < LONG;
+    hand_on(bench, base, &mut runners, lost)?;
     alive = best(&runners, zero, NEAR[1], FINALISTS);
     let lost = thorough && unexplained(&runners);
     if lost {
@@ -184,11 +185,11 @@ fn best(runners: &[Runner], (zero, samples): (f64, f64), near: (f64, f64), few: 
 }
 
 /// Those that have come far show the others where to begin: the same effect at another place goes on from the leader's numbers,
-/// and everybody else from where the leader has put what was fitted before.
+/// and everybody else from where the leaders have put what was fitted before, or, where all are `lost`, from what was stated.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`].
-fn hand_on(bench: &Bench<'_>, base: &Trial, runners: &mut [Runner]) -> Result<()> {
+fn hand_on(bench: &Bench<'_>, base: &Trial, runners: &mut [Runner], lost: bool) -> Result<()> {
     let (stirred, states) = (STIRRED * base.fit.cost, base.made.system.states());
     let mut order: Vec<(usize, f64)> = runners.iter().enumerate().filter_map(|(i, r)| Some((i, r.cost()?))).collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -206,11 +207,12 @@ fn hand_on(bench: &Bench<'_>, base: &Trial, runners: &mut [Runner]) -> Result<()
                 r.from(bench, r.candidate.clamped(point));
             }
         }
-        let Some(cost) = r.cost().filter(|c| *c < stirred) else { return Ok(()) };
-        let ahead = leaders.iter().filter(|(_, c, _)| cost > c + NEAR[0].0);
-        let bases: Vec<Point> = ahead.map(|(_, _, point)| r.cut(point, states)).collect();
-        if !bases.is_empty() {
-            let start = r.best_beside(bench, &bases, states);
+        let cost = r.cost().unwrap_or(f64::INFINITY);
+        let ahead = leaders.iter().filter(|(_, c, _)| cost < stirred && cost > c + NEAR[0].0);
+        let mut bases: Vec<Point> = ahead.map(|(_, _, point)| r.cut(point, states)).collect();
+        bases.extend(lost.then(|| base.as_stated(bench)));
+        if let Some(start) = r.best_beside(bench, &bases, states) {
+            bench.train.control.check()?;
             r.from(bench, start);
         }
         Ok(())

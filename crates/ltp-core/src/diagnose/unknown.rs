@@ -7,7 +7,7 @@
 use indexmap::IndexMap;
 
 use super::candidates::Place;
-use super::forward::{Explained, left};
+use super::forward::Explained;
 use super::judge::{self, Halves};
 use super::result::{Force, Law};
 use super::search::search;
@@ -102,7 +102,7 @@ pub fn unnamed(
     halves: Option<&Halves>,
     warnings: &mut Vec<String>,
 ) -> Result<Option<Unnamed>> {
-    if left(e.last(), bench.train.sigma.len()) < LEFT {
+    if e.last().left() < LEFT {
         // Names that only work together at one port may be the first terms of a series for another law.
         let effects = &e.last().made.effects;
         if effects.len() < 2

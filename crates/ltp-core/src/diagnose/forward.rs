@@ -107,13 +107,8 @@ pub fn explain(
             let t = &next.round.trials[w];
             warnings.extend(e.refusal(&t.label(), t.doubt.as_ref()).filter(|_| round == 0));
         }
-        let before = out.last().residuals.structural(&out.last().residuals.train);
-        let worth = accepted.is_some_and(|i| {
-            let t = &next.round.trials[i];
-            let much = before - t.residuals.structural(&t.residuals.train) > WORTHWHILE * original;
-            let most = evidence.is_some_and(|e| e.share.min(e.predicted) >= HALF);
-            round == 0 || (much && most) || t.left() <= EXPLAINED
-        });
+        let added = accepted.map(|i| &next.round.trials[i]);
+        let worth = added.is_some_and(|t| round == 0 || worthwhile(out.last(), t, evidence, original));
         if !worth {
             next.round.accepted = None;
             if round == 0 {
@@ -145,6 +140,15 @@ pub fn explain(
     Ok(out)
 }
 
+/// Whether a further effect matters: it takes away most of what is left, and some of what the nominal model leaves, or it leaves
+/// nothing to explain.
+fn worthwhile(before: &Trial, with: &Trial, evidence: Option<Evidence>, original: f64) -> bool {
+    let energy = |t: &Trial| t.residuals.structural(&t.residuals.train);
+    let much = energy(before) - energy(with) > WORTHWHILE * original;
+    let most = evidence.is_some_and(|e| e.share.min(e.predicted) >= HALF);
+    (much && most) || with.left() <= EXPLAINED
+}
+
 /// The effect that explains most by itself may be the wrong half of two: where much is left with it, those that came after it
 /// are followed by a step, and one that leads to a decisively better end takes its place.
 fn reconsidered(
@@ -155,6 +159,7 @@ fn reconsidered(
     halves: Option<&Halves>,
 ) -> Result<()> {
     let Some(first) = out.rounds.first() else { return Ok(()) };
+    let original = out.nominal.residuals.structural(&out.nominal.residuals.train);
     let follow = |i: &usize| {
         let t = &first.trials[*i];
         let better = first.ranking.score(Some(*i)) < first.ranking.score(None) - judge::APART;
@@ -167,6 +172,7 @@ fn reconsidered(
         let found = search(bench, base, &open, (0.9, 0.9), false)?;
         let round = judged(bench, base, found, base.made.effects.clone(), halves, &open)?.round;
         if let Some(k) = round.accepted
+            && worthwhile(base, &round.trials[k], round.evidence, original)
             && judge::weigh(bench, &out.nominal, &round.trials[k], halves, jobs.len())?.accepted()
         {
             ends.push((i, round, k));

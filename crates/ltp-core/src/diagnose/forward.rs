@@ -21,6 +21,8 @@ const MOST: usize = 3;
 /// to explain with it: one that polishes is as likely to be another law's.
 const WORTHWHILE: f64 = 0.02;
 const HALF: f64 = 0.5;
+/// Share of the nominal structural error below which even that is a trifle: an input between its samples, not physics.
+const TRIFLE: f64 = 1e-5;
 /// Energy over that of the fit before it up to which the last fit stands.
 const AS_GOOD: f64 = 1.1;
 /// How much finer the steps of the last fit are.
@@ -141,12 +143,12 @@ pub fn explain(
 }
 
 /// Whether a further effect matters: it takes away most of what is left, and some of what the nominal model leaves, or it leaves
-/// nothing to explain.
+/// nothing to explain and took away more than a trifle.
 fn worthwhile(before: &Trial, with: &Trial, evidence: Option<Evidence>, original: f64) -> bool {
     let energy = |t: &Trial| t.residuals.structural(&t.residuals.train);
-    let much = energy(before) - energy(with) > WORTHWHILE * original;
+    let removed = energy(before) - energy(with);
     let most = evidence.is_some_and(|e| e.share.min(e.predicted) >= HALF);
-    (much && most) || with.left() <= EXPLAINED
+    (removed > WORTHWHILE * original && most) || (removed > TRIFLE * original && with.left() <= EXPLAINED)
 }
 
 /// The effect that explains most by itself may be the wrong half of two: where much is left with it, those that came after it

@@ -239,7 +239,8 @@ class TestEffectsWithAPast:
     def runs(self, effect: str, at: str, **parameters: float) -> tuple[ltp.Trajectory, ltp.Trajectory]:
         model = ltp.zoo.drive()
         late = model.attach(effect, at, parameters)
-        drive = {"tau": "300*sin(5*t)*(t > 0.1)"}
+        t = np.arange(401) * 0.005
+        drive = {"tau": np.where(t > 0.1, 300 * np.sin(5 * t), 0.0)}
         return tuple(ltp.simulate(m, drive, t_end=2.0, dt=0.005) for m in (model, late))  # type: ignore[return-value]
 
     @pytest.mark.parametrize(("effect", "at"), [("input_delay", "tau"), ("output_delay", "q")])

@@ -361,3 +361,41 @@ pub fn cost(subject: &Subject<'_>, ground: Ground<'_>, at: &Point, prior_x0: &[V
     let z = problem.inward(at);
     problem.evaluate(&z, None)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use super::*;
+    use crate::model::zoo;
+    use crate::signal::Recording;
+    use crate::simulate::Hold;
+
+    /// A mass that coasts from 0.2 m at 0.5 m/s, fitted from rest at the origin.
+    fn fitted(state_scale: &[f64]) -> Vec<f64> {
+        let model = zoo("drive").unwrap().with_parameters(&[("b", 0.0, None)]).unwrap();
+        let system = model.compile();
+        let t: Vec<f64> = (0..100).map(|k| 0.01 * f64::from(k)).collect();
+        let (still, q) = (vec![0.0; 100], t.iter().map(|t| 0.2 + 0.5 * t).collect());
+        let r = Recording::new("run", t, vec![still], vec![q], vec!["tau".into()], vec!["q".into()]).unwrap();
+        let experiments = [Experiment::new(&model, &r, Hold::FirstOrder).unwrap()];
+        let cancelled = AtomicBool::new(false);
+        let control = Control { cancelled: &cancelled, progress: &|_, _| {} };
+        let ground = Ground { experiments: &experiments, sigma: &[1e-3], substeps: 1, state_scale, control: &control };
+        let p = system.parameters().to_vec();
+        let subject = Subject { system: &system, priors: &[], still: Some(&p), extra: &[] };
+        let from = Point { theta: Vec::new(), x0: vec![vec![0.0, 0.0]] };
+        let prior = from.x0.clone();
+        stage(&subject, ground, &from, &prior, None, FINE).unwrap().point.x0.swap_remove(0)
+    }
+
+    #[test]
+    fn a_state_without_a_size_starts_exactly_where_it_is_known_to() {
+        let free = fitted(&[1.0, 1.0]);
+        assert!((free[0] - 0.2).abs() < 1e-4 && (free[1] - 0.5).abs() < 1e-4, "{free:?}");
+        let held = fitted(&[0.0, 1.0]);
+        // To the bit: a foot a billionth above the ground is in the air. The speed makes up for it as it can.
+        assert_eq!(held[0], 0.0);
+        assert!(held[1] > 0.6, "{held:?}");
+    }
+}

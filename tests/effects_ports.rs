@@ -162,8 +162,13 @@ fn backlash_needs_a_spring() {
     let text = drive.attach("backlash", "drive", &[("gap", 0.01)]).err().unwrap().to_string();
     assert!(text.contains("no stiffness along this port") && text.contains("backlash@drive"), "{text}");
     assert!(drive.places("backlash").unwrap().is_empty());
-    assert_eq!(zoo("two_mass").unwrap().places("backlash").unwrap(), ["motor", "load", "shaft"]);
-    assert_eq!(zoo("hopper").unwrap().places("backlash").unwrap(), ["leg", "body", "toe"]);
+    // The shaft's spring turns both ends: its play is between them, and not an angle of one of them.
+    let shaft = zoo("two_mass").unwrap();
+    let text = shaft.attach("backlash", "motor", &[("gap", 0.01)]).err().unwrap().to_string();
+    assert!(text.contains("at the port between the two") && text.contains("backlash@motor"), "{text}");
+    assert_eq!(shaft.places("backlash").unwrap(), ["shaft"]);
+    assert_eq!(zoo("hopper").unwrap().places("backlash").unwrap(), ["leg"]);
+    assert_eq!(zoo("cart_pendulum").unwrap().places("backlash").unwrap(), ["pendulum"]);
     let sprung = drive.attach("linear_stiffness", "drive", &[("stiffness", 3.0)]).unwrap();
     assert_eq!(sprung.places("backlash").unwrap(), ["drive"]);
 }

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::machine::Machine;
 use super::palette::{OUTSIDE, Sketch, places};
 use super::setups::{Setup, Take};
-use super::shown::{Shown, TRAIN, simpler};
+use super::shown::{IMITATED, Shown, TRAIN, simpler};
 use super::trace::Bench;
 use super::{Case, Label, Planted};
 use crate::error::{Error, Result, nearest};
@@ -21,8 +21,6 @@ use crate::signal::Recording;
 const CHANGE: (f64, f64) = (0.01, 0.3);
 /// The same for the hopper, which stumbles over more.
 const CHANGE_HOPPING: (f64, f64) = (0.003, 0.05);
-/// An effect of which the nominal parameters remove all but this share (of the rms) is imitated.
-const IMITATED: f64 = 2e-3;
 /// Energy over noise variance that must be left after the nominal parameters took their part: with less, no method can
 /// tell the effect from chance.
 const VISIBLE: f64 = 60.0;

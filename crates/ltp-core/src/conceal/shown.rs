@@ -10,6 +10,8 @@ use crate::numeric::stats;
 
 /// Weight of a change in a trace: so fine that what parameters and starts can take up, they do.
 const FINE: f64 = 1e-4;
+/// An effect of which the nominal parameters remove all but this share (of the rms) is imitated.
+pub const IMITATED: f64 = 2e-3;
 /// Records: how many of the takes are for training.
 pub const TRAIN: usize = 2;
 
@@ -82,7 +84,8 @@ impl Shown {
     ) -> Result<(f64, f64, f64)> {
         let meetings = self.meetings();
         let fine: Vec<f64> = size.iter().map(|s| FINE * s).collect();
-        let (left, whole) = Bench { setup, records: &meetings, sigma: &fine }.left(model, rival, steps)?;
+        let (left, whole) =
+            Bench { setup, records: &meetings, sigma: &fine }.left(model, rival, steps, IMITATED * IMITATED)?;
         let count = meetings.iter().map(|m| m.outputs.len()).sum::<usize>() as f64;
         Ok(((left / whole.max(f64::MIN_POSITIVE)).sqrt(), FINE * (left / count).sqrt(), FINE * FINE * left))
     }

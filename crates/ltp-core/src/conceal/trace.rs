@@ -19,7 +19,11 @@ const SETTLED: f64 = 0.1;
 /// Factor by which a positive parameter may change in one step.
 const STRIDE: f64 = 3.0;
 /// Weights of a step's length that are tried in turn.
-const REINS: [f64; 5] = [1.0, 1e3, 1e6, 1e9, 1e12];
+const REINS: [f64; 7] = [1.0, 1e2, 1e4, 1e6, 1e8, 1e10, 1e12];
+/// Least of them where the way is felt for: what a common scale of masses and gains changes is nothing, and goes nowhere.
+const FLAT: f64 = 1e6;
+/// Longest step of a parameter where the way is felt for, in units of its freedom; and how many times as many steps that may take.
+const FELT: (f64, usize) = (0.25, 3);
 /// Steps of the refit that masks.
 const STEPS: usize = 3;
 
@@ -100,10 +104,14 @@ impl Bench<'_> {
     fn residuals(&self, guess: &Guess) -> Result<Vec<f64>> {
         let machine = Machine::new(&guess.model, guess.rival.as_slice())?;
         let ny = self.sigma.len();
+        let late = guess.rival.as_ref().filter(|r| r.name.ends_with("_delay")).map_or(0.0, |r| r.parameters[0].1);
         let mut out = Vec::new();
         for (record, x0) in self.records.iter().zip(&guess.starts) {
             let y = self.setup.replay(&machine, record.wave, x0)?.outputs;
-            out.extend(record.outputs.iter().zip(&y).enumerate().map(|(k, (a, b))| (a - b) / self.sigma[k % ny]));
+            // What a late sensor shows at first happened before the record, where nobody looked.
+            let unseen = (late / self.setup.dt).ceil() as usize * ny;
+            let rest = record.outputs.iter().zip(&y).enumerate();
+            out.extend(rest.map(|(k, (a, b))| if k < unseen { 0.0 } else { (a - b) / self.sigma[k % ny] }));
         }
         Ok(out)
     }
@@ -151,11 +159,29 @@ impl Bench<'_> {
 
     /// Sum of squares of the residual, in units of sigma, that the uncertain parameters and the starts do not remove in
     /// `steps` Gauss-Newton steps, the last one taken to first order; and the whole sum of squares. With a `rival`, its
-    /// parameters are fitted too.
+    /// parameters are fitted too. Where long steps do not get to the bottom, short ones may: a long one can land beyond a
+    /// resonance, from where no way leads back. `enough` is the share of the whole below which nobody asks further.
     ///
     /// # Errors
     /// When the nominal machine does not run along the records.
-    pub fn left(&self, model: &Model, rival: Option<Planted>, steps: usize) -> Result<(f64, f64)> {
+    pub fn left(&self, model: &Model, rival: Option<Planted>, steps: usize, enough: f64) -> Result<(f64, f64)> {
+        let (mut least, whole) = self.descent(model, rival.clone(), steps, f64::INFINITY);
+        if steps > 1 && rival.is_none() && least > enough * whole {
+            least = least.min(self.descent(model, None, FELT.1 * steps, FELT.0).0);
+        }
+        if least.is_finite() {
+            return Ok((least, whole));
+        }
+        Err(crate::error::Error::NoConvergence {
+            method: "trace of an effect".into(),
+            iterations: steps,
+            residual: least,
+            advice: "the nominal machine does not run along these records; take a smaller effect".into(),
+        })
+    }
+
+    /// As [`Bench::left`], with parameters that go no further than `stride` at a step; infinite where nothing runs.
+    fn descent(&self, model: &Model, rival: Option<Planted>, steps: usize, stride: f64) -> (f64, f64) {
         let starts = self.records.iter().map(|r| r.start.clone()).collect();
         let mut now = Guess { model: model.clone(), starts, rival };
         let (mut whole, mut least) = (0.0, f64::INFINITY);
@@ -175,8 +201,13 @@ impl Bench<'_> {
             }
             // A change of a tenth of a mass is far from linear along a record, and a scale that masses and gains share is flat:
             // a step that makes matters worse is taken again with shorter reins (Levenberg).
-            let next = REINS.iter().find_map(|&weight| {
-                let to = linear.moved(&now, &ridge_of(&linear.columns, &linear.base, weight)).ok()?;
+            let next = REINS.iter().filter(|w| stride.is_infinite() || **w >= FLAT).find_map(|&weight| {
+                let mut step = ridge_of(&linear.columns, &linear.base, weight);
+                let longest = step[..linear.free.len()].iter().fold(0.0f64, |m, s| m.max(s.abs()));
+                if longest > stride {
+                    step.iter_mut().for_each(|s| *s *= stride / longest);
+                }
+                let to = linear.moved(&now, &step).ok()?;
                 let there = energy(&self.residuals(&to).ok()?);
                 (there < here).then_some((to, there))
             });
@@ -184,15 +215,7 @@ impl Bench<'_> {
             least = least.min(there);
             now = to;
         }
-        if least.is_finite() {
-            return Ok((least, whole));
-        }
-        Err(crate::error::Error::NoConvergence {
-            method: "trace of an effect".into(),
-            iterations: steps,
-            residual: least,
-            advice: "the nominal machine does not run along these records; take a smaller effect".into(),
-        })
+        (least, whole)
     }
 
     /// The model with its uncertain parameters refitted to the records, within a few of their stated uncertainties.

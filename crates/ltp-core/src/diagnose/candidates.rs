@@ -21,6 +21,8 @@ const BEYOND: (f64, f64) = (1.0 / 200.0, 10.0);
 /// What is in units of a force may leave it by these: the missing force, by which it is scaled, is what other parameters have
 /// left of it.
 const FORCEFUL: (f64, f64) = (1e-5, 1e4);
+/// Relative distance of two frequencies below which a fit finds one from the other.
+const SAME: f64 = 0.01;
 /// Amplitude of a finite probe, in natural sizes.
 const PROBE: f64 = 0.2;
 /// Shortest time constant, in steps: it is integrated with steps as fine as a run ever takes.
@@ -44,6 +46,19 @@ pub struct Waves {
     pub lengths: Vec<f64>,
     /// Angular frequencies over time, rad/s.
     pub omegas: Vec<f64>,
+}
+
+impl Waves {
+    /// The same with further angular frequencies, where they are not there already.
+    pub fn and(mut self, omegas: &[f64]) -> Self {
+        let near = |known: &[f64], w: f64| known.iter().any(|o| (o - w).abs() < SAME * w);
+        for w in omegas {
+            if !near(&self.omegas, *w) {
+                self.omegas.push(*w);
+            }
+        }
+        self
+    }
 }
 
 /// A way in which a candidate's action is first looked at.

@@ -17,6 +17,8 @@ use crate::model::{Model, System};
 
 /// Remaining error, in noise floors, that no verdict may call explained.
 const FAR: f64 = 10.0;
+/// Remaining error, in noise floors, beyond which nobody may say that the structure is right.
+const RIGHT: f64 = 3.0;
 /// Gain in log-likelihood of a missing force that is beyond doubt.
 const DECISIVE: f64 = 50.0;
 /// Deviation of a parameter from its stated value, in its stated uncertainty, that makes a verdict.
@@ -78,6 +80,7 @@ pub fn conclude(case: Case<'_>) -> Result<Diagnosis> {
         true if !near.is_empty() => Verdict::Ambiguous,
         true => Verdict::Effect,
         false if law.is_some() || unexplained => Verdict::Unknown,
+        false if !moved.is_empty() && words::remaining(&fit) > RIGHT => Verdict::Unknown,
         false if !moved.is_empty() => Verdict::Parameter,
         false => Verdict::Consistent,
     };

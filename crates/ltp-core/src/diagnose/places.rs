@@ -1,7 +1,7 @@
 //! Where candidates may act, with the natural sizes there and the periods that stand out in the missing force.
 
 use super::candidates::{Place, Waves};
-use super::experiment::Run;
+use super::experiment::{Experiment, Run};
 use super::fit::Ground;
 use super::hypothesis::{Course, Hypothesis};
 use super::prepare::Scene;
@@ -10,10 +10,12 @@ use super::sizes::Sizes;
 use super::trial::{Bench, Trial};
 use crate::model::document::{Definition, FullDefinition};
 use crate::model::{Backend, Model, System};
-use crate::numeric::{regression, stats};
+use crate::numeric::{Complex, fft, regression, stats};
 
 /// Periods that are followed.
 const PERIODS: usize = 3;
+/// Frequencies of the residuals that are followed beside them.
+const TONES: usize = 2;
 /// Waves over the range of motion at most, and points per wave number.
 const WAVES: usize = 120;
 const FINENESS: usize = 4;
@@ -37,10 +39,11 @@ impl<'a> Places<'a> {
     /// Sizes at the ports are read from the missing force there, those of signals from the refitted nominal model.
     pub fn new(bench: &Bench<'a>, scene: &'a Scene, nominal: &'a Trial, forces: &[(String, Vec<Force>)]) -> Self {
         let clock = nominal.made.system.period(&nominal.parameters());
+        let heard = tones(nominal, bench.train);
         let port = |(at, forces): &(String, Vec<Force>)| Place {
             at: at.clone(),
             sizes: Sizes::at_port(forces, scene),
-            waves: waves(forces, clock),
+            waves: waves(forces, clock).and(&heard),
         };
         let ports = forces.iter().map(port).collect();
         Self { model: bench.model, train: bench.train, scene, nominal, ports }
@@ -161,11 +164,12 @@ pub fn beside(
     let scene = Scene { state_scale, ..scene.clone() };
     let course = Course { model, p: &p, ground: bench.train, scene: &scene };
     let clock = trial.made.system.period(&p);
+    let heard = tones(trial, bench.train);
     for port in model.ports() {
         bench.train.control.check()?;
         let force = Hypothesis::port(course, port)?;
         let Some(walk) = force.walk()? else { continue };
-        let seen = waves(&force.smoothed(&walk)?, clock);
+        let seen = waves(&force.smoothed(&walk)?, clock).and(&heard);
         for (_, place) in open.iter_mut().filter(|(_, place)| place.at == port) {
             place.waves = seen.clone();
         }
@@ -227,6 +231,37 @@ pub fn waves(forces: &[Force], clock: Option<f64>) -> Waves {
         None => omegas,
     };
     Waves { lengths, omegas }
+}
+
+/// Angular frequencies at which the residuals of the train records repeat, the strongest first: what a smoother spreads over
+/// a missing force stands out there.
+fn tones(trial: &Trial, ground: Ground<'_>) -> Vec<f64> {
+    let Some(first) = ground.experiments.first() else { return Vec::new() };
+    let (dt, ny) = (first.dt, ground.sigma.len());
+    let longest = ground.experiments.iter().map(Experiment::len).max().unwrap_or(0);
+    if longest < 64 || ground.experiments.iter().any(|e| (e.dt - dt).abs() > 1e-9 * dt) {
+        return Vec::new();
+    }
+    // Twice as many lines as a record has, so that none falls between two.
+    let n = 2 * longest;
+    let line = std::f64::consts::TAU / (n as f64 * dt);
+    let mut power = vec![0.0; (2.0 * BAND * longest as f64) as usize];
+    for j in 0..ny {
+        let mut sum = vec![Complex::default(); n];
+        for (e, residual) in ground.experiments.iter().zip(&trial.residuals.train) {
+            let kept = |v: &f64| if v.is_finite() { *v } else { 0.0 };
+            let mut padded: Vec<f64> = residual.iter().skip(j).step_by(ny).map(kept).collect();
+            padded.resize(n, 0.0);
+            for (k, (s, x)) in sum.iter_mut().zip(fft::forward(&padded)).enumerate() {
+                *s += x * Complex::from_polar(1.0, -line * k as f64 * e.t0);
+            }
+        }
+        power.iter_mut().zip(&sum).for_each(|(p, s)| *p += s.norm_sqr());
+    }
+    let mut tops: Vec<usize> =
+        (1..power.len().saturating_sub(1)).filter(|&i| power[i] > power[i - 1] && power[i] >= power[i + 1]).collect();
+    tops.sort_by(|a, b| power[*b].total_cmp(&power[*a]));
+    tops.into_iter().take(TONES).map(|i| line * i as f64).collect()
 }
 
 /// Angular frequencies with their neighbours up to [`SIDEBANDS`] multiples of a clock's away, each once, below a limit.

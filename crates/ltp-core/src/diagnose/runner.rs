@@ -301,6 +301,14 @@ impl Runner {
         Ok(())
     }
 
+    /// From given numbers of its own and the nominal parameters as stated, by every observer.
+    pub fn tied(&mut self, bench: &Bench<'_>, base: &Trial, own: &[f64]) -> Result<()> {
+        let start = joined(&self.candidate, bench.train, &base.as_stated(bench), own);
+        let fit = descend(bench, &self.candidate.made.subject(), &[start], bench.train_ties)?;
+        self.keep(fit);
+        Ok(())
+    }
+
     /// What is left of it when others are better.
     pub fn aside(self) -> Aside {
         let why = match (&self.fit, self.imitated) {

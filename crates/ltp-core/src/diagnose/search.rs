@@ -139,6 +139,9 @@ pub fn search(
         let own = r.newest();
         r.last(bench, base, everywhere.contains(&own))
     })?;
+    if unexplained(&runners) && samples < LONG {
+        elsewhere(bench, base, &mut runners)?;
+    }
     alive = best(&runners, zero, NEAR[1], FINALISTS);
 
     let mut found = Found { trials: Vec::new(), aside: Vec::new(), pairs };
@@ -191,14 +194,7 @@ fn best(runners: &[Runner], (zero, samples): (f64, f64), near: (f64, f64), few: 
 /// [`crate::Error::Interrupted`].
 fn hand_on(bench: &Bench<'_>, base: &Trial, runners: &mut [Runner], lost: bool) -> Result<()> {
     let (stirred, states) = (STIRRED * base.fit.cost, base.made.system.states());
-    let mut order: Vec<(usize, f64)> = runners.iter().enumerate().filter_map(|(i, r)| Some((i, r.cost()?))).collect();
-    order.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let leaders: Vec<(Attachment, f64, Point)> = order
-        .iter()
-        .take(GIVERS)
-        .filter(|(_, c)| *c < stirred)
-        .filter_map(|(i, c)| Some((runners[*i].newest(), *c, runners[*i].fit.as_ref()?.point.clone())))
-        .collect();
+    let leaders: Vec<_> = leaders(runners).into_iter().filter(|(_, c, _)| *c < stirred).collect();
     runners.par_iter_mut().filter(|r| !r.imitated).try_for_each(|r| {
         let (name, at) = r.newest();
         for ((effect, place), _, point) in &leaders {
@@ -214,6 +210,31 @@ fn hand_on(bench: &Bench<'_>, base: &Trial, runners: &mut [Runner], lost: bool) 
         if let Some(start) = r.best_beside(bench, &bases, states) {
             bench.train.control.check()?;
             r.from(bench, start);
+        }
+        Ok(())
+    })
+}
+
+/// Those that have come furthest.
+fn leaders(runners: &[Runner]) -> Vec<(Attachment, f64, Point)> {
+    let mut order: Vec<(usize, f64)> = runners.iter().enumerate().filter_map(|(i, r)| Some((i, r.cost()?))).collect();
+    order.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let first = order.into_iter().take(GIVERS);
+    first.filter_map(|(i, c)| Some((runners[i].newest(), c, runners[i].fit.as_ref()?.point.clone()))).collect()
+}
+
+/// What was fitted to the end shows the same effect at other places its numbers once more.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+fn elsewhere(bench: &Bench<'_>, base: &Trial, runners: &mut [Runner]) -> Result<()> {
+    let leaders = leaders(runners);
+    runners.par_iter_mut().filter(|r| !r.imitated).try_for_each(|r| {
+        let (name, at) = r.newest();
+        let same = leaders.iter().filter(|((effect, place), ..)| *effect == name && *place != at);
+        for (_, _, point) in same {
+            let own = r.candidate.clamped(point).theta[r.candidate.own[0]..].to_vec();
+            r.tied(bench, base, &own)?;
         }
         Ok(())
     })

@@ -3,7 +3,7 @@
 use indexmap::IndexMap;
 
 use super::experiment::Experiment;
-use super::fit::{FINE, Fitted, Ground, Point, Prior, Subject, cost, full, homotopy, stage};
+use super::fit::{FINE, Fitted, Ground, Point, Prior, Subject, full, homotopy, stage};
 use super::prepare::Ties;
 use super::score::Residuals;
 use super::seen::Doubt;
@@ -20,13 +20,6 @@ const STRAYED: f64 = 1.2;
 
 /// Shares of a record from its beginning in which its start is looked for, before the whole.
 const GROWING: [f64; 2] = [0.08, 0.3];
-
-/// Deviation of a parameter in its stated uncertainty, and mean square residual in units of noise, from which a nominal fit is
-/// not believed; how far from what was stated it is begun anew then, and from how many such points.
-const BEYOND: f64 = 10.0;
-const MUCH: f64 = 4.0;
-const FAR: [f64; 4] = [-10.0, -5.0, 5.0, 10.0];
-const TRIED: usize = 3;
 
 /// Channels of delayed inputs that a model may have behind its own.
 const DELAYED: usize = 16;
@@ -157,11 +150,6 @@ pub fn nominal(bench: &Bench<'_>) -> Result<Trial> {
     let start = Point { theta, x0: bench.train_start.to_vec() };
     let subject = Subject { system: &system, priors: &priors, still: None, extra: &[] };
     let first = descend(bench, &subject, &[start], bench.train_ties)?;
-    let first = if first.as_ref().is_none_or(|f| astray(bench, &priors, f)) {
-        elsewhere(bench, &subject, first)?
-    } else {
-        first
-    };
     let fit = first.ok_or_else(|| crate::Error::NoConvergence {
         method: "fit of the nominal model".into(),
         iterations: 0,
@@ -171,38 +159,6 @@ pub fn nominal(bench: &Bench<'_>) -> Result<Trial> {
     })?;
     let made = Made { effects: Vec::new(), model, system, priors, extra: Vec::new() };
     finish(bench, made, fit, bench.test_start)
-}
-
-/// Whether a fit stands where nobody would believe it: much is left, and a parameter is far beyond its uncertainty.
-fn astray(bench: &Bench<'_>, priors: &[Prior], fit: &Fitted) -> bool {
-    let beyond = |(p, v): (&Prior, &f64)| (v - p.mean).abs() > BEYOND * p.sd;
-    fit.cost > MUCH * bench.samples() && priors.iter().zip(&fit.point.theta).any(beyond)
-}
-
-/// The best fit that begins with one parameter far from what was stated: a gross error of one sends all others astray.
-fn elsewhere(bench: &Bench<'_>, subject: &Subject<'_>, first: Option<Fitted>) -> Result<Option<Fitted>> {
-    let stated: Vec<f64> = subject.priors.iter().map(|p| p.mean).collect();
-    let mut starts: Vec<(f64, Point)> = Vec::new();
-    for (k, p) in subject.priors.iter().enumerate().filter(|(_, p)| p.sd.is_finite()) {
-        for step in FAR {
-            bench.train.control.check()?;
-            let mut theta = stated.clone();
-            theta[k] = (p.mean + step * p.sd).clamp(p.bounds.0, p.bounds.1);
-            let point = Point { theta, x0: bench.train_start.to_vec() };
-            starts.extend(cost(subject, bench.train, &point, bench.train_start).map(|c| (c, point)));
-        }
-    }
-    starts.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut best = first;
-    for (_, start) in starts.into_iter().take(TRIED) {
-        bench.train.control.check()?;
-        let tie = bench.train_ties.get(bench.train_ties.len() / 2).map_or(&[][..], Vec::as_slice);
-        for tie in [&[][..], tie] {
-            let fit = homotopy(subject, bench.train, &start, bench.train_start, tie);
-            best = [best, fit].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
-        }
-    }
-    Ok(best)
 }
 
 /// Fits from several starts, free and tied, and keeps the lowest free-run cost.

@@ -7,7 +7,9 @@
 //!   `-mass*free_acceleration/(1 + mass*mobility)` is the exact solution of `w = -mass*a`. Several such laws are put in one
 //!   after the other, each seeing the reaction of those before it, which is Gaussian elimination of their joint equations;
 //! * `port_stiffness` is `-(da/ds)/mobility` with `s` along the gradient of the port's position: the stiffness that the
-//!   model, with the simpler laws attached to it, has along the port.
+//!   model, with the simpler laws attached to it, has along the port. It is a spring's only where everything that a
+//!   displacement along the port accelerates is moved by the port's force too: the angle of a motor before a shaft is no place
+//!   for the play of that shaft.
 
 use super::assemble::{Assembly, place};
 use super::attach::{AttachedEffect, Place};
@@ -51,6 +53,11 @@ pub(super) fn attach_laws(a: &mut Assembly, scopes: &mut [Scope<'_>], doc: &Docu
             let Place::Port(j) = e.place else { continue };
             let local = port.local(g, j, &fault(source, doc, e, j))?;
             let Some(stiffness) = port.stiffness(g, j, local) else { continue };
+            if port.shares(g, j) {
+                let message = "the spring along this port pulls at something that this port's force does not move: attach \
+                               this at the port between the two";
+                return Err(fault(source, doc, e, j)(message));
+            }
             let mut words = motion(scope, g, doc, e, port.ports)?;
             words.push((STIFFNESS, stiffness));
             springs.push((j, scope.law(g, e.effect.law.as_deref().unwrap_or("0"), e, &words, "law")?));
@@ -207,6 +214,25 @@ impl Port<'_> {
             return Err(fault("this port's force enters its acceleration other than in proportion"));
         }
         Ok(Some((acceleration, mobility)))
+    }
+
+    /// Whether a displacement along a port accelerates what a port's force can move, but this one's does not: then the spring
+    /// is between this port and another one.
+    fn shares(&self, g: &mut Graph, j: usize) -> bool {
+        let reached = |g: &mut Graph, n: usize, port: usize| {
+            let by = g.derivative(&[self.flow[n]], Symbol::Port(port))[0];
+            !g.is_zero(by)
+        };
+        (0..self.flow.len()).any(|n| {
+            let moved = (0..self.flow.len()).any(|k| {
+                let slope = g.derivative(&[self.ports[j].0], Symbol::State(k))[0];
+                !g.is_zero(slope) && {
+                    let by = g.derivative(&[self.flow[n]], Symbol::State(k))[0];
+                    !g.is_zero(by)
+                }
+            });
+            moved && !reached(g, n, j) && (0..self.ports.len()).any(|i| reached(g, n, i))
+        })
     }
 
     /// Stiffness along a port; `None` where there is none.

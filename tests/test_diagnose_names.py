@@ -137,3 +137,50 @@ class TestSeveral:
         assert isinstance(found.location, ltp.Location)
         assert found.location.at == "bed"
         assert found.effects[0].parameters["force"].value == pytest.approx(0.8, rel=0.01)
+
+
+class TestHonest:
+    """A spring that hardens, known to an engineer as a straight one, with nothing in reach that could say so."""
+
+    DOCUMENT = """
+        name = "spring"
+        states = { q = { value = 0.0, unit = "m" }, v = { value = 0.0, unit = "m/s" } }
+        inputs = { tau = { unit = "N" } }
+        flow = { q = "v", v = "(tau - k*q - c*v - hardening*q^3)/m" }
+        outputs = { q = { value = "q", unit = "m" } }
+        [parameters]
+        m = { value = 1.0, unit = "kg" }
+        c = { value = 1.0, sd = 0.02, unit = "N s/m" }
+        k = { value = 30.0, sd = 0.5, unit = "N/m" }
+        hardening = { value = HARDENING, unit = "N/m^3" }
+    """
+
+    def spring(self, hardening: float) -> ltp.Model:
+        return ltp.Model.from_toml(self.DOCUMENT.replace("HARDENING", str(hardening)))
+
+    @pytest.mark.parametrize(("hardening", "verdict"), [(2.0, "unknown"), (0.0, "consistent")])
+    def test_a_parameter_that_leaves_much_is_not_the_answer(self, hardening: float, verdict: str) -> None:
+        """The stiffness moves by 13 of its uncertainties and leaves five times the noise: that is not right."""
+        runs = []
+        for seed, amplitude in enumerate((30.0, 14.0, 22.0), 1):
+            force = f"{amplitude}*sin({3.1 + 0.2 * seed}*t) + {amplitude / 2}*sin(5.3*t + {seed})"
+            run = ltp.simulate(self.spring(hardening), {"tau": force}, t_end=8.0, dt=0.01)
+            noise = np.random.default_rng(seed).normal(scale=0.03, size=len(run.t))
+            inputs, outputs = {"tau": run.inputs[:, 0]}, {"q": run.outputs[:, 0] + noise}
+            runs.append(ltp.Recording(run.t, inputs, outputs, name=f"run {seed}"))
+        found = ltp.diagnose(self.spring(0.0), runs[:2], runs[2], candidates=["output_delay", "input_bias"])
+        assert found.verdict == verdict, found.sentence
+        assert ("structure is right" in found.sentence) is False
+
+
+class TestWaves:
+    def test_a_weak_tone_beyond_a_spring_is_heard_in_the_residuals(self) -> None:
+        """A force of 4 mN m at 34.8 rad/s behind a shaft, of which the nominal parameters leave a fifth of the noise.
+        It does not show in the smoothed missing force, and does in the residuals.
+        """
+        case = draw("two_mass", "noisy", 1_000_000_191_000_002)
+        (planted,) = case.label.effects
+        assert planted.name == "time_periodic_force"
+        found = ltp.diagnose(case.model, case.train, case.test, candidates=[planted.name])
+        assert named(found) == [planted.name], found.sentence
+        assert found.effects[0].parameters["omega"].value == pytest.approx(planted.parameters["omega"], rel=1e-3)

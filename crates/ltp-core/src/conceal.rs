@@ -17,6 +17,8 @@ mod recipe;
 mod sensing;
 mod setups;
 mod shown;
+#[cfg(test)]
+mod shown_tests;
 mod slip;
 pub mod strang;
 mod trace;

@@ -6,7 +6,7 @@ use crate::model::{Model, System, zoo};
 use crate::numeric::stats;
 use crate::simulate::{Hold, Inputs, Plan, simulate};
 
-fn planted(name: &str, at: &str, parameters: &[(&str, f64)]) -> Planted {
+pub(super) fn planted(name: &str, at: &str, parameters: &[(&str, f64)]) -> Planted {
     let parameters = parameters.iter().map(|(n, v)| ((*n).to_string(), *v)).collect();
     Planted { name: name.into(), at: at.into(), parameters }
 }

@@ -85,6 +85,13 @@ pub fn check(model: &Model, train: &[Experiment]) -> Result<()> {
         return Ok(());
     }
     let Some((found, guess)) = best.filter(|(f, _)| *f < FOLLOWS && *f < BETTER * error) else { return Ok(()) };
+    // A machine that stumbles can be followed by chance for a while: a wrong unit is wrong later on too.
+    if e.len() >= 2 * STRETCH {
+        let later = e.part(STRETCH, 2 * STRETCH);
+        if self::error(system, &guess.corrected(&later)?)?.is_some_and(|error| error >= FOLLOWS) {
+            return Ok(());
+        }
+    }
     let (column, stated) = match (guess.output, guess.input) {
         (Some(j), _) => (format!("output `{}`", model.outputs()[j]), unit(model.outputs()[j])),
         (_, Some(i)) => (format!("input `{}`", model.inputs()[i]), unit(model.inputs()[i])),
